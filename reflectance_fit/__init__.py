@@ -1,0 +1,1 @@
+"""From measured reflection to refractive index, extinction and Brewster angle."""

@@ -1,0 +1,1 @@
+"""From Observations to eta, k and their posterior."""

@@ -1,0 +1,1 @@
+"""Cited optical constants, and the loader of refractiveindex.info files."""

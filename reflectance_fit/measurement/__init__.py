@@ -1,0 +1,1 @@
+"""Tables that exist already, read into Observations."""

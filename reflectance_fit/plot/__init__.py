@@ -1,0 +1,1 @@
+"""Diagnostic plots; the only home of matplotlib."""

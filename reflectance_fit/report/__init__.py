@@ -1,0 +1,1 @@
+"""The result as files: report.yaml and what it needs."""

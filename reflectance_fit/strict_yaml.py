@@ -1,0 +1,250 @@
+"""YAML from strangers: read once, by YAML 1.2 rules, with a line number for every value.
+
+Anchors, aliases, merges, tags, duplicate keys, several documents, deep nesting
+and large files are refused, all of them in one pass over the parser's events,
+before anything is built (a 400-byte file of nested merges stops an ordinary
+loader for minutes).  ``validate`` turns the result into a pydantic model and
+reports every problem of the file at once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar, get_args
+
+from pydantic import BaseModel, ValidationError
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.events import AliasEvent, Event, MappingStartEvent, ScalarEvent, SequenceStartEvent
+from ruamel.yaml.nodes import ScalarNode
+
+from reflectance_fit.errors import Problem, ReflectanceFitError, suggestion
+
+MAX_BYTES = 1_000_000
+MAX_DEPTH = 20
+MAX_DIGITS = 400
+
+Path_ = tuple[str | int, ...]
+Model = TypeVar("Model", bound=BaseModel)
+
+
+@dataclass(frozen=True, slots=True)
+class Document:
+    """A parsed file: plain Python values, and the line of each by its path."""
+
+    file: str
+    data: Any
+    lines: dict[Path_, int] = field(repr=False)
+
+    def line(self, path: Iterable[str | int]) -> int | None:
+        """The line of the value at ``path``, or of its nearest parent that has one."""
+        steps = tuple(path)
+        while steps not in self.lines and steps:
+            steps = steps[:-1]
+        return self.lines.get(steps)
+
+    def problem(self, path: Iterable[str | int], message: str) -> Problem:
+        return Problem(self.file, self.line(path), message)
+
+
+def read_text(path: Path, *, name: str | None = None, max_bytes: int = MAX_BYTES) -> str:
+    """The text of a regular file of at most ``max_bytes``, or a one-line error."""
+    shown = name or str(path)
+    try:
+        if path.is_dir():
+            raise ReflectanceFitError(Problem(shown, None, "is a folder, not a file"))
+        if not path.is_file():
+            why = "is not a regular file" if path.exists() else "there is no such file"
+            raise ReflectanceFitError(Problem(shown, None, why))
+        raw = path.read_bytes() if path.stat().st_size <= max_bytes else None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        reason = getattr(error, "strerror", None) or str(error)
+        raise ReflectanceFitError(Problem(shown, None, f"cannot be read: {reason}")) from error
+    if raw is None:
+        raise ReflectanceFitError(
+            Problem(shown, None, f"is larger than {max_bytes / 1e6:g} MB; is it the right file?")
+        )
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = "\0"
+    if "\0" in text:
+        raise ReflectanceFitError(Problem(shown, None, "is not text (UTF-8); is it the right file?"))
+    if not text.strip():
+        raise ReflectanceFitError(Problem(shown, None, "is empty"))
+    return text
+
+
+def load(path: Path) -> Document:
+    """Read ``path``; raises ReflectanceFitError with every problem of form found."""
+    file = str(path)
+    return parse(read_text(path), file)
+
+
+def parse(text: str, file: str) -> Document:
+    """As ``load``, from a string; ``file`` is the name shown in messages."""
+    builder = _Builder(file)
+    try:
+        data = builder.document(iter(YAML(typ="safe", pure=True).parse(text)))
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        what = " ".join(str(error.problem or error.context or "not YAML").split())
+        builder.problems.append(Problem(file, mark.line + 1 if mark else None, f"not valid YAML: {what}"))
+    except (YAMLError, ValueError) as error:
+        builder.problems.append(Problem(file, None, f"not valid YAML: {' '.join(str(error).split())}"))
+    if builder.problems:
+        raise ReflectanceFitError(builder.problems)
+    return Document(file, data, builder.lines)
+
+
+class _Builder:
+    """Builds plain values from parser events, and keeps where each stood."""
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self.lines: dict[Path_, int] = {}
+        self.problems: list[Problem] = []
+        self._resolver = YAML(typ="safe", pure=True).resolver
+
+    def document(self, events: Iterator[Event]) -> Any:
+        data: Any = None
+        documents = 0
+        for event in events:
+            kind = type(event).__name__
+            if kind == "DocumentStartEvent":
+                documents += 1
+                if documents > 1:
+                    self._refuse(event, "holds more than one document; keep the first")
+                    break
+                data = self._value(next(events), events, ())
+        return data
+
+    def _value(self, event: Event, events: Iterator[Event], path: Path_) -> Any:
+        self.lines.setdefault(path, event.start_mark.line + 1)
+        self._check(event)
+        if isinstance(event, MappingStartEvent | SequenceStartEvent) and len(path) >= MAX_DEPTH:
+            # Raised, not collected: going on would recurse as deep as the file likes.
+            raise ReflectanceFitError(
+                Problem(self.file, event.start_mark.line + 1, f"nested deeper than {MAX_DEPTH} levels")
+            )
+        if isinstance(event, MappingStartEvent):
+            return self._mapping(events, path)
+        if isinstance(event, SequenceStartEvent):
+            items: list[Any] = []
+            while type(event := next(events)).__name__ != "SequenceEndEvent":
+                items.append(self._value(event, events, (*path, len(items))))
+            return items
+        return self._scalar(event) if isinstance(event, ScalarEvent) else None
+
+    def _mapping(self, events: Iterator[Event], path: Path_) -> dict[str, Any]:
+        mapping: dict[str, Any] = {}
+        while type(event := next(events)).__name__ != "MappingEndEvent":
+            self._check(event)
+            if not isinstance(event, ScalarEvent):
+                self._refuse(event, "a key must be a plain word")
+                self._value(event, events, (*path, "?"))
+                self._value(next(events), events, (*path, "?"))
+                continue
+            key = event.value
+            if key == "<<":
+                self._refuse(event, "merge keys (<<) are refused; write the values out")
+            elif key in mapping:
+                first = self.lines[(*path, key)]
+                self._refuse(event, f"duplicate key '{key}' (first in line {first}); keep one")
+            else:
+                self.lines[(*path, key)] = event.start_mark.line + 1
+            value = self._value(next(events), events, (*path, key))
+            mapping.setdefault(key, value)
+        return mapping
+
+    def _check(self, event: Event) -> None:
+        if isinstance(event, AliasEvent):
+            self._refuse(event, f"aliases (*{event.anchor}) are refused; write the value out")
+            return
+        if getattr(event, "anchor", None):
+            self._refuse(event, f"anchors (&{event.anchor}) are refused; write the value out")
+        if getattr(event, "tag", None):
+            self._refuse(event, f"tags ({event.tag}) are refused; remove it")
+
+    def _scalar(self, event: ScalarEvent) -> Any:
+        if not event.implicit[0]:
+            return event.value
+        tag = str(self._resolver.resolve(ScalarNode, event.value, event.implicit))
+        text = event.value.replace("_", "")
+        try:
+            if tag.endswith(":null"):
+                return None
+            if tag.endswith(":bool"):
+                return event.value.lower() == "true"
+            if tag.endswith((":int", ":float")) and len(text) > MAX_DIGITS:
+                self._refuse(event, f"a number of {len(text)} digits is refused")
+            elif tag.endswith(":int"):
+                return int(text, 0) if text[:2].lower() in ("0x", "0o", "0b") else int(text)
+            elif tag.endswith(":float"):
+                return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
+        except ValueError:
+            pass
+        return event.value
+
+    def _refuse(self, event: Event, message: str) -> None:
+        self.problems.append(Problem(self.file, event.start_mark.line + 1, message))
+
+
+def validate(document: Document, model: type[Model]) -> Model:
+    """``document`` as ``model``, or ReflectanceFitError with one line per problem.
+
+    The messages name the value's path, say what was found, and suggest the
+    nearest known key for an unknown one.
+    """
+    try:
+        return model.model_validate(document.data)
+    except ValidationError as error:
+        problems = [_problem(document, model, item) for item in error.errors()]
+        raise ReflectanceFitError(sorted(set(problems), key=lambda p: (p.line or 0, p.message))) from None
+
+
+def _problem(document: Document, model: type[BaseModel], item: Any) -> Problem:
+    # Union branches add their own names to pydantic's locations; the file knows only its keys.
+    path: Path_ = ()
+    for step in item["loc"]:
+        if (*path, step) in document.lines or isinstance(step, int) or step == item["loc"][-1]:
+            path = (*path, step)
+    where = ".".join(str(step) for step in path)
+    found = item.get("input")
+    kind = item["type"]
+    if kind == "extra_forbidden":
+        message = f"unknown key '{path[-1]}'{suggestion(str(path[-1]), _known_keys(model, path[:-1]))}"
+        parent = ".".join(str(step) for step in path[:-1])
+        return document.problem(path, f"{parent}: {message}" if parent else message)
+    if kind == "missing":
+        parent = ".".join(str(step) for step in path[:-1])
+        return document.problem(path[:-1], f"{parent + ': ' if parent else ''}'{path[-1]}' is missing; add it")
+    message = item["msg"].removeprefix("Value error, ")
+    if isinstance(found, bool | int | str) or (isinstance(found, float) and math.isfinite(found)):
+        message += f" (found {found!r:.60})"
+    return document.problem(path, f"{where}: {message}" if where else message)
+
+
+def _known_keys(model: Any, path: Path_) -> list[str]:
+    """The field names of the model that ``path`` leads to, for suggestions."""
+    for step in path:
+        models = list(_models_in(model))
+        model = next(
+            (
+                m.model_fields[step].annotation
+                for m in models
+                if isinstance(step, str) and step in m.model_fields
+            ),
+            model,
+        )
+    return [name for m in _models_in(model) for name in m.model_fields]
+
+
+def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for argument in get_args(annotation):
+        yield from _models_in(argument)
