@@ -164,10 +164,10 @@ class _Builder:
         if isinstance(event, AliasEvent):
             self._refuse(event, f"aliases (*{event.anchor}) are refused; write the value out")
             return
-        if getattr(event, "anchor", None):
-            self._refuse(event, f"anchors (&{event.anchor}) are refused; write the value out")
-        if getattr(event, "tag", None):
-            self._refuse(event, f"tags ({event.tag}) are refused; remove it")
+        if anchor := getattr(event, "anchor", None):
+            self._refuse(event, f"anchors (&{anchor}) are refused; write the value out")
+        if tag := getattr(event, "tag", None):
+            self._refuse(event, f"tags ({tag}) are refused; remove it")
 
     def _scalar(self, event: ScalarEvent) -> Any:
         if not event.implicit[0]:
@@ -193,6 +193,16 @@ class _Builder:
         self.problems.append(Problem(self.file, event.start_mark.line + 1, message))
 
 
+# pydantic's own words for these speak of Python.
+_PLAIN = {
+    "model_type": "must be a block of keys (key: value)",
+    "dict_type": "must be a block of keys (key: value)",
+    "tuple_type": "must be a list ([a, b])",
+    "list_type": "must be a list ([a, b])",
+    "string_type": "must be text; put it in quotes",
+}
+
+
 def validate(document: Document, model: type[Model]) -> Model:
     """``document`` as ``model``, or ReflectanceFitError with one line per problem.
 
@@ -202,15 +212,21 @@ def validate(document: Document, model: type[Model]) -> Model:
     try:
         return model.model_validate(document.data)
     except ValidationError as error:
-        problems = [_problem(document, model, item) for item in error.errors()]
+        problems = [_problem(document, model, item) for item in error.errors() if not _follows(item)]
         raise ReflectanceFitError(sorted(set(problems), key=lambda p: (p.line or 0, p.message))) from None
+
+
+def _follows(item: Any) -> bool:
+    """Whether a list is called too short only because items of it are wrong: those have their own lines."""
+    return item["type"] == "too_short" and len(item["input"]) >= item["ctx"]["min_length"]
 
 
 def _problem(document: Document, model: type[BaseModel], item: Any) -> Problem:
     # Union branches add their own names to pydantic's locations; the file knows only its keys.
     path: Path_ = ()
-    for step in item["loc"]:
-        if (*path, step) in document.lines or isinstance(step, int) or step == item["loc"][-1]:
+    steps = [step for step in item["loc"] if step != "[key]"]
+    for step in steps:
+        if (*path, step) in document.lines or isinstance(step, int) or step == steps[-1]:
             path = (*path, step)
     where = ".".join(str(step) for step in path)
     found = item.get("input")
@@ -221,9 +237,14 @@ def _problem(document: Document, model: type[BaseModel], item: Any) -> Problem:
         return document.problem(path, f"{parent}: {message}" if parent else message)
     if kind == "missing":
         parent = ".".join(str(step) for step in path[:-1])
-        return document.problem(path[:-1], f"{parent + ': ' if parent else ''}'{path[-1]}' is missing; add it")
-    message = item["msg"].removeprefix("Value error, ")
-    if isinstance(found, bool | int | str) or (isinstance(found, float) and math.isfinite(found)):
+        return document.problem(
+            path[:-1], f"{parent + ': ' if parent else ''}'{path[-1]}' is missing; add it"
+        )
+    message = _PLAIN.get(kind) or item["msg"].removeprefix("Value error, ")
+    message = message.replace("Input should be", "must be").replace("Tuple should have", "must have")
+    message = message.removesuffix(" after validation").replace(" after validation,", ",")
+    shown = isinstance(found, bool | int | str) or (isinstance(found, float) and math.isfinite(found))
+    if shown and len(steps) == len(item["loc"]):  # a key is in the path already
         message += f" (found {found!r:.60})"
     return document.problem(path, f"{where}: {message}" if where else message)
 
@@ -240,7 +261,7 @@ def _known_keys(model: Any, path: Path_) -> list[str]:
             ),
             model,
         )
-    return [name for m in _models_in(model) for name in m.model_fields]
+    return [field.alias or name for m in _models_in(model) for name, field in m.model_fields.items()]
 
 
 def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:

@@ -1,0 +1,51 @@
+"""``reflectance-fit fit``"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from reflectance_fit.cli.options import out_folder_option, output_options, seed_option
+
+
+@click.command()
+@click.argument("source", metavar="INPUT", type=click.Path(path_type=Path))
+@out_folder_option()
+@click.option(
+    "--model",
+    type=click.Choice(["auto", "dielectric", "conductor"]),
+    default="auto",
+    show_default=True,
+    help="auto chooses by BIC whether k > 0 is needed.",
+)
+@click.option("--no-plots", is_flag=True, help="Write no pictures.")
+@click.option("--no-timings", is_flag=True, help="Leave wall-clock figures out of report.yaml.")
+@seed_option
+@output_options
+def fit(source: Path, out: Path, model: str, no_plots: bool, no_timings: bool, seed: int) -> None:
+    """Fit INPUT, a measurement.yaml: eta, k and Brewster angle with intervals.
+
+    Writes report.yaml, posterior.nc and plots/ into the folder DIR.
+
+    Example:
+
+    \b
+        reflectance-fit fit measurement.yaml -o result
+    """
+    from reflectance_fit.cli.progress import progress
+    from reflectance_fit.cli.tables import print_result
+    from reflectance_fit.workflow import fit_to_folder
+
+    with progress() as reporter:
+        result = fit_to_folder(
+            source,
+            out,
+            model=model,
+            seed=seed,
+            plots=not no_plots,
+            timings=not no_timings,
+            progress=reporter.sampling,
+            drawing=reporter.drawing,
+        )
+    print_result(result.report, out)

@@ -1,0 +1,25 @@
+"""``reflectance-fit schema``"""
+
+from __future__ import annotations
+
+import click
+
+from reflectance_fit.cli.options import output_options
+
+
+@click.command()
+@click.argument("name", type=click.Choice(["measurement", "report"]))
+@output_options
+def schema(name: str) -> None:
+    """Print the JSON Schema of a file format, for editors and validators.
+
+    Example:
+
+    \b
+        reflectance-fit schema measurement
+    """
+    import json
+
+    from reflectance_fit.workflow import json_schema
+
+    click.echo(json.dumps(json_schema(name), indent=2))

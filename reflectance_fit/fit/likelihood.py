@@ -1,0 +1,221 @@
+"""The likelihood, compiled: gains integrated out, errors in both coordinates.
+
+For the rows of one fit, y = g f(theta) + b + noise, with
+
+* g one unknown gain per gain group (1 where a row is absolute), prior 1/g,
+* b dark offset and diffuse light,
+* noise of covariance S = diag(sigma^2) + sum_a sigma_theta^2 v_a v_a^T: the
+  angle of goniometer setting a is off by one common error, which moves its
+  rows by v = dy/dtheta (linearised).
+
+f is linear in g, so for given eta, k and nuisances the gains have a normal
+conditional: mean G from generalised least squares, precision N = F^T S^-1 F.
+Integrating over them with the prior 1/g leaves
+
+    log L = -1/2 (chi2 + log det S + log det N) + sum_j log E[1/g_j] + const,
+
+E[1/g] = (1 + u^2 + 3 u^4 + 15 u^6) / G with u the gain's relative standard
+deviation: the asymptotic series, to 0.3 % at u = 0.2.  v needs g, hence a
+short fixed-point iteration; its error is second order in sigma_theta.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reflectance_fit.fit.forward import FIRST_SIGMA, at_angle, background, incidence
+from reflectance_fit.fit.rows import CODES, Rows
+from reflectance_fit.observations import Quantity
+from reflectance_fit.physics.jit import kernel
+
+FloatArray = NDArray[np.float64]
+
+_DELTA = CODES[Quantity.DELTA_DEG]
+_STEP = 1e-6  # radians; central difference, error about 1e-10 relative
+_ROUNDS = 4  # of the fixed point in the gains; each gains a factor of order (sigma_theta v / sigma)^2 / N
+
+
+@kernel
+def _design(rows: Rows, p: FloatArray, f: FloatArray, slope: FloatArray, target: FloatArray, sigma: FloatArray) -> bool:
+    """Fill model, slope, target and sigma of every row; False where an angle leaves [0, 90) degrees."""
+    for i in range(len(f)):
+        theta = incidence(rows, i, p)
+        if not theta < 0.5 * math.pi:
+            return False
+        f[i] = at_angle(rows, i, theta, p)
+        slope[i] = 0.0
+        if rows.theta_sigma[i] > 0:
+            low = max(theta - _STEP, 0.0)
+            high = min(theta + _STEP, 0.5 * math.pi)
+            rise = at_angle(rows, i, high, p) - at_angle(rows, i, low, p)
+            if rows.code[i] == _DELTA:
+                rise = (rise + 180.0) % 360.0 - 180.0
+            slope[i] = rise / (high - low)
+        sigma[i] = rows.sigma[i] if rows.estimated[i] < 0 else math.exp(p[FIRST_SIGMA + rows.estimated[i]])
+        if rows.gain[i] >= 0:
+            target[i] = rows.value[i] - background(rows, i, p)
+        else:
+            # What is left after the model, as gains do not touch it; Delta is a circle.
+            target[i] = rows.value[i] - background(rows, i, p) - f[i]
+            if rows.code[i] == _DELTA:
+                target[i] = (target[i] + 180.0) % 360.0 - 180.0
+    return True
+
+
+@kernel
+def _cholesky_solve(n: FloatArray, rhs: FloatArray) -> float:
+    """Solve n x = rhs in place (n becomes its factor, rhs becomes x); log det n, NaN if not positive."""
+    size = len(rhs)
+    log_det = 0.0
+    for j in range(size):
+        for m in range(j):
+            n[j, j] -= n[j, m] * n[j, m]
+        if not n[j, j] > 0:
+            return math.nan
+        n[j, j] = math.sqrt(n[j, j])
+        log_det += 2 * math.log(n[j, j])
+        for i in range(j + 1, size):
+            for m in range(j):
+                n[i, j] -= n[i, m] * n[j, m]
+            n[i, j] /= n[j, j]
+    for i in range(size):
+        for m in range(i):
+            rhs[i] -= n[i, m] * rhs[m]
+        rhs[i] /= n[i, i]
+    for i in range(size - 1, -1, -1):
+        for m in range(i + 1, size):
+            rhs[i] -= n[m, i] * rhs[m]
+        rhs[i] /= n[i, i]
+    return log_det
+
+
+@kernel
+def _inverse_diagonal(factor: FloatArray, j: int, work: FloatArray) -> float:
+    """Element (j, j) of the inverse of L L^T, given L."""
+    total = 0.0
+    for i in range(j, len(work)):
+        work[i] = 1.0 if i == j else 0.0
+        for m in range(j, i):
+            work[i] -= factor[i, m] * work[m]
+        work[i] /= factor[i, i]
+        total += work[i] * work[i]
+    return total
+
+
+@kernel
+def evaluate(rows: Rows, p: FloatArray, whitened: FloatArray, spread: FloatArray, gains: FloatArray) -> tuple[float, float, float]:
+    """chi2, log det S and the log of the gain integral for one full parameter vector.
+
+    Fills ``whitened`` (N residuals whose squares sum to chi2), ``spread`` (each
+    row's standard deviation, its angle's share included) and ``gains``.
+    chi2 is NaN where the parameters are outside of the model's domain.
+    """
+    n = len(rows.value)
+    f, slope, target, sigma = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    if not _design(rows, p, f, slope, target, sigma):
+        return math.nan, 0.0, 0.0
+    normal = np.zeros((rows.gains, rows.gains))
+    rhs = np.zeros(rows.gains)
+    coupling = np.zeros((rows.settings, rows.gains))  # sum of f v / sigma^2
+    pull = np.zeros(rows.settings)  # sum of v t / sigma^2
+    steepness = np.zeros(rows.settings)  # sum of v^2 / sigma^2
+    share = np.zeros(rows.settings)  # sigma_theta^2 / (1 + sigma_theta^2 steepness)
+    log_det_normal = 0.0
+    for turn in range(_ROUNDS if rows.errors_in_angle else 1):
+        normal[:], rhs[:] = 0.0, 0.0
+        coupling[:], pull[:], steepness[:], share[:] = 0.0, 0.0, 0.0, 0.0
+        for i in range(n):
+            g, w = rows.gain[i], 1 / sigma[i] ** 2
+            if g >= 0:
+                normal[g, g] += w * f[i] * f[i]
+                rhs[g] += w * f[i] * target[i]
+            if turn > 0 and rows.theta_sigma[i] > 0:
+                a = rows.setting[i]
+                v = slope[i] * (gains[g] if g >= 0 else 1.0)
+                pull[a] += w * v * target[i]
+                steepness[a] += w * v * v
+                if g >= 0:
+                    coupling[a, g] += w * v * f[i]
+        if turn > 0:
+            for i in range(n):
+                a = rows.setting[i]
+                share[a] = rows.theta_sigma[i] ** 2 / (1 + rows.theta_sigma[i] ** 2 * steepness[a])
+            for a in range(rows.settings):
+                for g in range(rows.gains):
+                    rhs[g] -= share[a] * coupling[a, g] * pull[a]
+                    for h in range(rows.gains):
+                        normal[g, h] -= share[a] * coupling[a, g] * coupling[a, h]
+        gains[:] = rhs
+        log_det_normal = _cholesky_solve(normal, gains)
+        if math.isnan(log_det_normal):
+            return math.nan, 0.0, 0.0
+
+    log_integral = 0.0
+    for g in range(rows.gains):
+        if not gains[g] > 0:
+            return math.nan, 0.0, 0.0
+        u2 = min(_inverse_diagonal(normal, g, rhs) / gains[g] ** 2, 0.04)
+        log_integral += math.log(1 + u2 * (1 + u2 * (3 + 15 * u2))) - math.log(gains[g])
+    log_integral -= 0.5 * log_det_normal
+
+    # Residuals, then the square root of the rank-one correction of each setting.
+    pull[:] = 0.0
+    steepness[:] = 0.0
+    log_det = 0.0
+    for i in range(n):
+        g = rows.gain[i]
+        residual = target[i] - (gains[g] * f[i] if g >= 0 else 0.0)
+        v = slope[i] * (gains[g] if g >= 0 else 1.0)
+        whitened[i] = residual / sigma[i]
+        spread[i] = math.sqrt(sigma[i] ** 2 + (rows.theta_sigma[i] * v) ** 2)
+        log_det += 2 * math.log(sigma[i])
+        if rows.errors_in_angle:
+            slope[i] = v / sigma[i]
+            pull[rows.setting[i]] += slope[i] * whitened[i]
+            steepness[rows.setting[i]] += slope[i] * slope[i]
+    if rows.errors_in_angle:
+        done = np.zeros(rows.settings)
+        for i in range(n):
+            a = rows.setting[i]
+            widened = rows.theta_sigma[i] ** 2 * steepness[a]
+            if widened > 0:
+                whitened[i] -= (1 - 1 / math.sqrt(1 + widened)) * pull[a] / steepness[a] * slope[i]
+                if done[a] == 0:
+                    log_det += math.log1p(widened)
+                    done[a] = 1
+    chi2 = 0.0
+    for i in range(n):
+        chi2 += whitened[i] * whitened[i]
+    return chi2, log_det, log_integral
+
+
+@kernel
+def log_likelihoods(rows: Rows, vectors: FloatArray) -> FloatArray:
+    """Log marginal likelihood of each full parameter vector, shape (D,); -inf outside of the domain."""
+    n = len(rows.value)
+    out = np.empty(len(vectors))
+    whitened, spread, gains = np.empty(n), np.empty(n), np.empty(rows.gains)
+    for d in range(len(vectors)):
+        chi2, log_det, log_integral = evaluate(rows, vectors[d], whitened, spread, gains)
+        value = -0.5 * (chi2 + log_det) + log_integral
+        out[d] = value if math.isfinite(value) else -math.inf
+    return out
+
+
+@kernel
+def deviances(rows: Rows, vectors: FloatArray) -> FloatArray:
+    """-2 log likelihood at the best gains, up to the constant of the stated sigmas; NaN outside."""
+    n = len(rows.value)
+    stated = 0.0
+    for i in range(n):
+        if rows.estimated[i] < 0:
+            stated += 2 * math.log(rows.sigma[i])
+    out = np.empty(len(vectors))
+    whitened, spread, gains = np.empty(n), np.empty(n), np.empty(rows.gains)
+    for d in range(len(vectors)):
+        chi2, log_det, _ = evaluate(rows, vectors[d], whitened, spread, gains)
+        out[d] = chi2 + log_det - stated
+    return out

@@ -1,0 +1,108 @@
+"""What is free in a fit: a model (dielectric or conductor) with its nuisances, as coordinates.
+
+A coordinate vector x holds the free parameters only, each in the coordinate
+of its prior (log eta, k, nuisances, log sigma).  ``full`` spreads x over the
+kernel's parameter vector.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reflectance_fit.fit.forward import ETA, FIRST_NUISANCE, FIRST_SIGMA, K, neutral_vector
+from reflectance_fit.priors import NUISANCES, Prior
+from reflectance_fit.fit.rows import LAST_POWER, Rows
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Model:
+    """The free parameters of one fit, in order, with their priors.
+
+    ``names``: eta, perhaps k, nuisances, and ``sigma[QUANTITY]`` for each
+    quantity of which no sigma was stated.  ``places`` are their indices in the
+    kernel's vector, ``template`` that vector with everything else fixed.
+    """
+
+    name: str
+    names: tuple[str, ...]
+    priors: tuple[Prior, ...]
+    places: NDArray[np.int64]
+    template: FloatArray
+
+    def full(self, x: FloatArray) -> FloatArray:
+        """Coordinates, shape (D, P) or (P,), to kernel vectors, shape (D, M)."""
+        x = np.atleast_2d(x)
+        vectors = np.tile(self.template, (len(x), 1))
+        for j, (place, prior) in enumerate(zip(self.places, self.priors, strict=True)):
+            # The kernel itself takes log(sigma).
+            vectors[:, place] = x[:, j] if place >= FIRST_SIGMA else prior.from_coordinate(x[:, j])
+        return vectors
+
+    def log_prior(self, x: FloatArray) -> FloatArray:
+        """Log prior density of coordinates of shape (D, P), up to a constant."""
+        return np.sum([p.log_density(x[:, j]) for j, p in enumerate(self.priors)], axis=0)
+
+    def in_report_units(self, x: FloatArray) -> dict[str, FloatArray]:
+        """Name -> values, from coordinates of shape (..., P)."""
+        return {
+            name: prior.from_coordinate(x[..., j])
+            for j, (name, prior) in enumerate(zip(self.names, self.priors, strict=True))
+        }
+
+    @property
+    def penalised(self) -> list[int]:
+        """The coordinates whose prior is normal: each such prior counts as a datum."""
+        return [j for j, prior in enumerate(self.priors) if prior.kind == "normal"]
+
+    @property
+    def ranges(self) -> FloatArray:
+        """Search range of each coordinate, shape (P, 2): a normal prior's 8 sigma, clipped."""
+        return np.array([_range(prior) for prior in self.priors])
+
+
+def _range(prior: Prior) -> tuple[float, float]:
+    low, high = prior.coordinate_range
+    if prior.kind == "normal":
+        return max(low, prior.mean - 8 * prior.sigma), min(high, prior.mean + 8 * prior.sigma)
+    return low, high
+
+
+def build(
+    name: str,
+    rows: Rows,
+    priors: Mapping[str, Prior],
+    nuisances: Mapping[str, float],
+    estimated: list[str],
+) -> Model:
+    """The model ``name`` with the given nuisances (name -> sigma of the prior).
+
+    ``estimated`` names the quantities whose sigma is to be found.
+    """
+    names = ["eta", "k"] if name == "conductor" else ["eta"]
+    chosen = [priors[n] for n in names]
+    places = [ETA, K][: len(names)]
+    for nuisance, sigma in nuisances.items():
+        names.append(nuisance)
+        chosen.append(NUISANCES[nuisance].prior(sigma))
+        places.append(FIRST_NUISANCE + NUISANCES[nuisance].index)
+    for j, quantity in enumerate(estimated):
+        scale = _scale(rows, j)
+        names.append(f"sigma[{quantity}]")
+        chosen.append(Prior("log_uniform", 1e-6 * scale, 10 * scale))
+        places.append(FIRST_SIGMA + j)
+    return Model(name, tuple(names), tuple(chosen), np.array(places), neutral_vector(len(estimated)))
+
+
+def _scale(rows: Rows, estimated: int) -> float:
+    """The largest value among the rows of one estimated sigma; 90 degrees for psi and delta."""
+    members = rows.estimated == estimated
+    if np.all(rows.code[members] > LAST_POWER):
+        return 90.0 if np.max(np.abs(rows.value[members])) > 1.5 else 1.0
+    return float(np.max(np.abs(rows.value[members]))) or math.ulp(1.0)

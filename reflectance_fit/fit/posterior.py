@@ -1,0 +1,150 @@
+"""The posterior by emcee: four independent ensembles, judged by nested R-hat.  emcee's only home.
+
+One ensemble cannot certify itself: walkers trapped in one mode agree with one
+another.  Four that start apart can, and nested R-hat (Margossian et al. 2024,
+superchain = ensemble) compares them.  R-hat and ESS are arviz-stats', the
+autocorrelation time emcee's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import emcee
+import numpy as np
+from numpy.typing import NDArray
+
+from reflectance_fit.fit.likelihood import log_likelihoods
+from reflectance_fit.fit.models import Model
+from reflectance_fit.result import Posterior
+from reflectance_fit.fit.rows import Rows
+
+FloatArray = NDArray[np.float64]
+
+ENSEMBLES = 4
+BLOCK = 500  # steps between two looks at convergence
+MAX_STEPS = 8000
+MIN_ESS = 4000.0
+MAX_RHAT = 1.01
+KEPT_DRAWS = 200  # a walker, evenly thinned; more would repeat correlated draws
+_TAU_POINTS = 12
+
+
+def sample(
+    model: Model,
+    rows: Rows,
+    starts: list[FloatArray],
+    seed: tuple[int, ...],
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> Posterior:
+    """Sample ``model`` until converged or MAX_STEPS.
+
+    ``starts`` are points of high density, each with its share of the first
+    walkers (several basins: several points, repeated by weight), shape (P,)
+    or clouds (M, P) to draw from.  ``seed`` starts every ensemble's own
+    stream.  ``progress`` is called with (steps done, steps at most).
+    """
+    dimensions = len(model.names)
+    walkers = max(32, 4 * dimensions)
+    cloud = np.vstack([np.atleast_2d(s) for s in starts])
+
+    def log_density(x: FloatArray) -> FloatArray:
+        prior = model.log_prior(x)
+        inside = np.isfinite(prior)
+        out = np.full(len(x), -np.inf)
+        out[inside] = prior[inside] + log_likelihoods(rows, model.full(x[inside]))
+        return out
+
+    samplers, states = [], []
+    for ensemble in range(ENSEMBLES):
+        bits = np.random.MT19937(np.random.SeedSequence([*seed, ensemble]))
+        first = _first_walkers(cloud, log_density, walkers, np.random.Generator(bits))
+        samplers.append(emcee.EnsembleSampler(walkers, dimensions, log_density, vectorize=True, moves=_moves()))
+        states.append(emcee.State(first, random_state=np.random.RandomState(bits).get_state()))
+
+    steps, burn_in = 0, 0
+    while True:
+        for ensemble, sampler in enumerate(samplers):
+            states[ensemble] = sampler.run_mcmc(states[ensemble], BLOCK, progress=False)
+        steps += BLOCK
+        if progress:
+            progress(steps, MAX_STEPS)
+        burn_in = max(steps // 3, BLOCK // 2)
+        # (ensemble, walker, step, parameter) without burn-in
+        chains = np.stack([s.get_chain(discard=burn_in).transpose(1, 0, 2) for s in samplers])
+        ess, rhat = _diagnose(model, chains)
+        converged = min(ess.values()) >= MIN_ESS and max(rhat.values()) <= MAX_RHAT
+        if converged or steps >= MAX_STEPS:
+            break
+
+    kept = np.linspace(0, chains.shape[2] - 1, min(KEPT_DRAWS, chains.shape[2])).round().astype(int)
+    thinned = chains[:, :, kept].reshape(ENSEMBLES * walkers, len(kept), dimensions)
+    samples = model.in_report_units(thinned)
+    samples.setdefault("k", np.zeros(thinned.shape[:2]))
+    density = np.stack([s.get_log_prob(discard=burn_in).T for s in samplers])[:, :, kept]
+    tau_steps, tau = _tau_curve([s.get_chain() for s in samplers])
+    mean_walker = np.stack([s.get_chain().mean(axis=1) for s in samplers])
+    return Posterior(
+        model=model.name,
+        method="emcee",
+        names=model.names,
+        samples=samples,
+        log_density=density.reshape(thinned.shape[:2]),
+        ensemble=np.repeat(np.arange(ENSEMBLES), walkers),
+        steps=steps,
+        burn_in=burn_in,
+        acceptance=float(np.mean([s.acceptance_fraction.mean() for s in samplers])),
+        ess=ess,
+        rhat_nested=rhat,
+        converged=converged,
+        tau_steps=tau_steps,
+        tau=tau,
+        trace=np.stack(list(model.in_report_units(mean_walker).values()), axis=-1),
+    )
+
+
+def _moves() -> list[tuple[emcee.moves.Move, float]]:
+    """Differential evolution, a tenth of it with gamma 1 (jumps between modes), and snooker."""
+    return [
+        (emcee.moves.DEMove(), 0.7),
+        (emcee.moves.DEMove(gamma0=1.0), 0.1),
+        (emcee.moves.DESnookerMove(), 0.2),
+    ]
+
+
+def _first_walkers(
+    cloud: FloatArray,
+    log_density: Callable[[FloatArray], FloatArray],
+    walkers: int,
+    generator: np.random.Generator,
+) -> FloatArray:
+    """Walkers drawn from ``cloud``, only points that the posterior allows."""
+    allowed = cloud[np.isfinite(log_density(cloud))]
+    if len(allowed) < 2 * walkers:
+        raise ValueError("too few of the starting points have a finite posterior")
+    return allowed[generator.choice(len(allowed), walkers, replace=False)]
+
+
+def _diagnose(model: Model, chains: FloatArray) -> tuple[dict[str, float], dict[str, float]]:
+    """Bulk ESS and nested R-hat of every parameter, from (ensemble, walker, step, parameter)."""
+    from arviz_stats.base import array_stats
+
+    ensembles, walkers, draws, _ = chains.shape
+    ids = np.repeat(np.arange(ensembles), walkers)
+    ess, rhat = {}, {}
+    for j, name in enumerate(model.names):
+        parameter = chains[..., j].reshape(ensembles * walkers, draws)
+        ess[name] = float(array_stats.ess(parameter, chain_axis=0, draw_axis=1))
+        rhat[name] = float(
+            array_stats.rhat_nested(parameter, superchain_ids=ids, chain_axis=0, draw_axis=1)
+        )
+    return ess, rhat
+
+
+def _tau_curve(chains: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """emcee's autocorrelation time, the largest over parameters, against the steps it was taken from."""
+    joined = np.concatenate(chains, axis=1)
+    steps = np.unique(np.geomspace(50, len(joined), _TAU_POINTS).astype(int))
+    tau = [np.max(emcee.autocorr.integrated_time(joined[:n], quiet=True, tol=0)) for n in steps]
+    return steps.astype(float), np.array(tau)

@@ -1,0 +1,94 @@
+"""Observations packed for the compiled likelihood: codes and radians instead of words and degrees."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reflectance_fit.observations import Observations, Quantity
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# The kernel's codes.  Powers first, so that `code <= LAST_POWER` asks for a power.
+CODES = {quantity: code for code, quantity in enumerate(Quantity)}
+LAST_POWER = CODES[Quantity.SIGNAL]
+
+
+class Rows(NamedTuple):
+    """N rows as the kernel reads them; a tuple, because numba takes those.
+
+    ``gain`` and ``estimated`` are -1 where a row is absolute, or its sigma
+    stated; else the index of its gain, or of its estimated sigma.  ``setting``
+    numbers the goniometer settings: rows of one setting share one angle error.
+    ``largest`` is the largest value among the rows of equal gain (the unit of
+    the diffuse part).
+    """
+
+    code: IntArray
+    theta: FloatArray
+    theta_sigma: FloatArray
+    analyzer: FloatArray
+    retarder: FloatArray
+    retardance: FloatArray
+    light: FloatArray
+    value: FloatArray
+    sigma: FloatArray
+    gain: IntArray
+    estimated: IntArray
+    setting: IntArray
+    largest: FloatArray
+    exterior_ior: float
+    gains: int
+    settings: int
+    errors_in_angle: bool
+
+
+def gain_names(observations: Observations) -> list[str]:
+    """The gain groups, in the order of the kernel's gain index."""
+    return sorted({str(name) for name in observations.gain_group if name})
+
+
+def estimated_names(observations: Observations) -> list[str]:
+    """The quantities of which no sigma was stated, in the order of the kernel's index."""
+    return sorted({str(q) for q in observations.quantity[np.isnan(observations.sigma)]})
+
+
+def pack(observations: Observations, exterior_ior: float) -> Rows:
+    """The kernel's view of ``observations`` (all rows; filter before)."""
+    o = observations
+    gains = {name: i for i, name in enumerate(gain_names(o))}
+    estimated = {name: i for i, name in enumerate(estimated_names(o))}
+    gain = np.array([gains.get(str(name), -1) for name in o.gain_group], dtype=np.int64)
+    code = np.array([CODES[Quantity(str(q))] for q in o.quantity], dtype=np.int64)
+    sigma_index = [
+        estimated[str(q)] if np.isnan(s) else -1 for q, s in zip(o.quantity, o.sigma, strict=True)
+    ]
+    keys = [f"{s}|{t!r}|{e!r}" for s, t, e in zip(o.set, o.theta_deg, o.theta_deg_sigma, strict=True)]
+    settings, setting = np.unique(np.array(keys), return_inverse=True)
+    power = code <= LAST_POWER
+    largest = np.ones(len(o))
+    for g in np.unique(gain[power]):
+        members = power & (gain == g)
+        largest[members] = np.max(np.abs(o.value[members]))
+    return Rows(
+        code=code,
+        theta=np.radians(o.theta_deg),
+        theta_sigma=np.radians(o.theta_deg_sigma),
+        analyzer=np.radians(o.analyzer_deg),
+        retarder=np.radians(o.retarder_deg),
+        retardance=np.radians(o.retardance_deg),
+        light=np.ascontiguousarray(o.light),
+        value=np.ascontiguousarray(o.value),
+        sigma=np.where(np.isnan(o.sigma), 1.0, o.sigma),
+        gain=gain,
+        estimated=np.array(sigma_index, dtype=np.int64),
+        setting=setting.astype(np.int64),
+        largest=largest,
+        exterior_ior=exterior_ior,
+        gains=len(gains),
+        settings=len(settings),
+        errors_in_angle=bool(np.any(o.theta_deg_sigma > 0)),
+    )

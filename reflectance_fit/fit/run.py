@@ -1,0 +1,133 @@
+"""One channel from observations to a finished Fit: optimum, model choice, posterior, verdicts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reflectance_fit.fit import models, posterior, search
+from reflectance_fit.fit.derived import derived_draws
+from reflectance_fit.fit.identify import interval
+from reflectance_fit.fit.optimize import Basin
+from reflectance_fit.priors import Prior
+from reflectance_fit.result import Candidate, Fit, Interval, Optimum, Posterior
+from reflectance_fit.fit.rows import Rows, estimated_names, gain_names, pack
+from reflectance_fit.observations import Flag, Observations
+
+FloatArray = NDArray[np.float64]
+
+MODELS = ("dielectric", "conductor")
+# Basins whose objective lies this far above the best hold less than 1e-5 of the probability.
+_RIVAL = 24.0
+_CLOUD = 2000
+
+Progress = Callable[[str, int, int], None]
+
+
+def fit_channel(
+    channel: str,
+    observations: Observations,
+    *,
+    exterior_ior: float,
+    priors: Mapping[str, Prior],
+    nuisances: Mapping[str, float],
+    model: str = "auto",
+    seed: tuple[int, ...] = (0,),
+    progress: Progress | None = None,
+) -> Fit:
+    """Fit the used rows of one channel.
+
+    ``nuisances`` maps names to the sigma of their priors.  ``model`` is auto
+    (dielectric or conductor, whichever has the lower BIC) or one of MODELS.
+    ``progress`` is called with (channel, steps done, steps at most).
+    """
+    saturated = int(np.sum(observations.flag == Flag.SATURATED))
+    observations = observations.used
+    rows = pack(observations, exterior_ior)
+    estimated, gains = estimated_names(observations), gain_names(observations)
+    names = MODELS if model == "auto" else (model,)
+    built = {name: models.build(name, rows, priors, nuisances, estimated) for name in names}
+    found = {name: search.find(built[name], rows, gains) for name in names}
+    optima = {name: optimum for name, (optimum, _) in found.items()}
+    chosen, reason = _choose(optima, forced=model != "auto")
+
+    def draw(name: str, stream: int) -> Posterior:
+        clouds = _clouds(built[name], rows, found[name][1], np.random.default_rng([*seed, stream]))
+        report = (lambda done, most: progress(channel, done, most)) if progress else None
+        return posterior.sample(built[name], rows, clouds, (*seed, stream), progress=report)
+
+    samples = draw(chosen, 0)
+    # k = 0 was chosen because k adds nothing; how large it may be is the conductor's to say.
+    k_samples = draw("conductor", 1) if chosen == "dielectric" and model == "auto" else None
+    derived = derived_draws(samples.samples["eta"], samples.samples["k"], exterior_ior)
+    return Fit(
+        channel=channel,
+        wavelength_nm=float(observations.wavelength_nm[0]),
+        exterior_ior=exterior_ior,
+        observations=observations,
+        optimum=optima[chosen],
+        candidates=tuple(
+            Candidate(o.model, len(o.parameters) + len(o.gains), o.chi2, o.dof, o.bic) for o in optima.values()
+        ),
+        chosen_because=reason,
+        posterior=samples,
+        k_posterior=k_samples,
+        intervals=_intervals(built[chosen], samples, k_samples, priors, derived),
+        derived=derived,
+        estimated_sigma={q: optima[chosen].parameters[f"sigma[{q}]"] for q in estimated},
+        priors=dict(zip(built[chosen].names, built[chosen].priors, strict=True)),
+        saturated=saturated,
+    )
+
+
+def _choose(optima: dict[str, Optimum], *, forced: bool) -> tuple[str, str]:
+    if forced:
+        (name,) = optima
+        return name, "asked for"
+    difference = optima["conductor"].bic - optima["dielectric"].bic
+    if difference >= 0:
+        return "dielectric", f"k adds nothing: delta BIC = {difference:.1f}"
+    return "conductor", f"k > 0 is needed: delta BIC = {-difference:.1f}"
+
+
+def _clouds(
+    model: models.Model, rows: Rows, basins: list[Basin], generator: np.random.Generator
+) -> list[FloatArray]:
+    """Starting points around every basin that can matter, wider than the posterior.
+
+    Covariance from the curvature of the log posterior along each coordinate;
+    widened twice, so that four ensembles start further apart than they end.
+    """
+    rivals = [b for b in basins if b.objective < basins[0].objective + _RIVAL]
+    low, high = model.ranges.T
+    clouds = []
+    for basin in rivals:
+        width = 2 * search.widths(model, rows, basin)
+        points = basin.x + width * generator.standard_normal((_CLOUD, len(basin.x)))
+        # Reflected at the bounds: clipping would put walkers on top of one another.
+        points = np.where(points < low, 2 * low - points, points)
+        points = np.where(points > high, 2 * high - points, points)
+        clouds.append(np.clip(points, low, high))
+    return clouds
+
+
+def _intervals(
+    model: models.Model,
+    samples: Posterior,
+    k_samples: Posterior | None,
+    priors: Mapping[str, Prior],
+    derived: dict[str, FloatArray],
+) -> dict[str, Interval]:
+    eta = interval(samples.samples["eta"], priors["eta"])
+    if "k" in model.names:
+        k = interval(samples.samples["k"], priors["k"], bounded=True)
+    elif k_samples is not None:
+        # The dielectric was chosen, so a bound is all there is to say, however k's draws lie.
+        limit = float(np.quantile(k_samples.samples["k"], 0.95))
+        k = Interval(None, None, None, (0.0, limit), "upper_limit")
+    else:
+        k = Interval(0.0, None, None, None, "fixed")
+    intervals = {"eta": eta, "k": k, **{name: interval(d) for name, d in derived.items()}}
+    return intervals

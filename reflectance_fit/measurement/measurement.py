@@ -1,0 +1,29 @@
+"""What a measurement.yaml and its tables come to: the input of a fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from reflectance_fit.priors import Prior
+from reflectance_fit.observations import Observations
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measurement:
+    """Observations, and what their file says about fitting them.
+
+    ``exterior_ior`` is the index around the sample.  ``nuisances`` maps name
+    to the sigma of its prior, inf for flat; None where the file leaves the
+    choice to the fit, empty where it forbids all.  ``priors`` holds eta and k.
+    ``inputs`` are (file as written, sha256), the manifest first.
+    """
+
+    path: Path
+    sample_name: str
+    exterior_ior: float
+    observations: Observations
+    nuisances: dict[str, float] | None
+    priors: dict[str, Prior]
+    warnings: tuple[str, ...]
+    inputs: tuple[tuple[str, str], ...]

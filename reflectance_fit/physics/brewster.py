@@ -1,0 +1,180 @@
+"""The special angles of an interface, in radians from the normal.
+
+All of them are written as tan^2(theta) = \\|eps\\| / z with eps = (eta + ik)^2.  A
+transparent medium has z = 1 for Brewster's angle; absorption splits it into
+three, and z = 1 + y turns each condition into one without cancellation, so a
+tiny k costs no digits.  Each angle is then a root that a short argument
+brackets, and thus the right one of several.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reflectance_fit.physics.domain import checked_index
+
+Floats = NDArray[np.float64]
+
+# Azzam, J. Opt. Soc. Am. A 27 (2010): the second-Brewster angle is never further than 15.701 degrees above.
+_SECOND_BREWSTER_REACH = np.radians(16.0)
+_NEWTON_STEPS = 8
+# Only 1 + y reaches the angle, and every bracket is shorter than 2: 56 halvings leave less than an ulp.
+_HALVINGS = 56
+
+
+def brewster_angle(eta: ArrayLike, k: ArrayLike = 0.0) -> Floats:
+    """Angle of the smallest R_p: Brewster's angle arctan(eta) for k = 0, else pseudo-Brewster.
+
+    Parameters
+    ----------
+    eta, k : float, shape S
+        Index of the far medium relative to the near one, eta + ik.
+
+    Returns
+    -------
+    float, shape S
+        Radians, in (0, pi/2).  45 degrees for eta + ik = 1, the limit.
+
+    Raises
+    ------
+    ValueError
+        If eta is not positive or k is negative.
+
+    Notes
+    -----
+    Azzam & Ugbo, Appl. Opt. 28 (1989) 5222, as a cubic in u = sin^2:
+    2 (\\|e\\|^2 + Re e) u^3 + \\|e\\|^2 (\\|e\\|^2 - 3) u^2 - 2 \\|e\\|^4 u + \\|e\\|^4 = 0.  Only
+    moduli and Re e enter, so the sign of i does not matter.
+
+    Examples
+    --------
+    >>> print(f"{np.degrees(brewster_angle(0.183, 3.43)):.2f}")
+    72.63
+    """
+    eta, k = checked_index(eta, k)
+    y = _pseudo_brewster_shift(*_scaled(eta, k))
+    return _angle(eta, k, 1.0 + y)
+
+
+def second_brewster_angle(eta: ArrayLike, k: ArrayLike = 0.0) -> Floats:
+    """Angle of the smallest R_p / R_s; arctan(eta) for k = 0.  Arguments as for `brewster_angle`.
+
+    Notes
+    -----
+    Azzam, J. Opt. Soc. Am. A 27 (2010).  With t = x (e (1 + x) - 1), x = cot^2(theta), the
+    ratio is rho = +-(1 - z)/(1 + z), z^2 = t, and is stationary where Re[t' / (z (1 - t))] = 0.
+    Between the pseudo-Brewster angle, where R_p is flat and R_s still grows, and
+    16 degrees beyond it the derivative changes sign once.
+
+    Examples
+    --------
+    >>> print(f"{np.degrees(second_brewster_angle(0.183, 3.43)):.2f}")
+    74.73
+    """
+    eta, k = np.broadcast_arrays(*checked_index(eta, k))
+    modulus, sin2 = _scaled(eta, k)
+    start = _pseudo_brewster_shift(modulus, sin2)
+    theta_far = np.minimum(_angle(eta, k, 1.0 + start) + _SECOND_BREWSTER_REACH, np.pi / 2)
+    far = modulus / np.tan(theta_far) ** 2 - 1.0
+    # e / |e| = 1 - turn; formed without that subtraction, because a small k leaves y of order turn^2.
+    index = np.hypot(eta, k)
+    turn = 2.0 * (k / index) * ((k - 1j * eta) / index)
+
+    def falls(y: Floats) -> NDArray[np.bool_]:
+        phase = 1.0 - turn
+        one_less_ex = turn - y * phase
+        # t = x (e x + e - 1); 1 - t = (1 + x)(1 - e x), and the real 1 + x > 0 drops out.
+        bracket = modulus * phase - one_less_ex
+        derivative = (1.0 + y) * phase + bracket
+        slope: Floats = (derivative * np.conj(np.sqrt(bracket) * one_less_ex)).real
+        return slope < 0.0
+
+    y = _bisect(falls, start, far)
+    return _angle(eta, k, 1.0 + np.where(k == 0.0, 0.0, y))
+
+
+def principal_angle(eta: ArrayLike, k: ArrayLike = 0.0) -> Floats:
+    """Largest angle where Delta = 90 degrees; arctan(eta) for k = 0.  Arguments as for `brewster_angle`.
+
+    Where \\|eta + ik\\| is below about 0.42 there can be three such angles.
+
+    Notes
+    -----
+    rho = +-(1 - z)/(1 + z) is imaginary where \\|z\\| = 1: u^4 = \\|e - u\\|^2 (1 - u)^2 with
+    u = sin^2(theta), a cubic after division by its trivial factor.
+
+    Examples
+    --------
+    >>> print(f"{np.degrees(principal_angle(0.183, 3.43)):.2f}")
+    74.86
+    """
+    eta, k = np.broadcast_arrays(*checked_index(eta, k))
+    modulus, sin2 = _scaled(eta, k)
+    q = 4.0 * sin2
+    total = modulus + q
+
+    def cubic(y: Floats) -> Floats:
+        return ((y - (1.0 + total)) * y + 2.0 * total) * y - q
+
+    # cubic(0) = -q <= 0 and cubic(1) = modulus > 0.  It turns inside (0, 1) only for total < 2 - sqrt(3);
+    # from its lower turning point on it grows, so a sign change beyond that point is the largest root.
+    turns = total < 2.0 - np.sqrt(3.0)
+    discriminant = np.maximum((total - 4.0) * total + 1.0, 0.0)
+    turn = np.where(turns, (1.0 + total + np.sqrt(discriminant)) / 3.0, 0.0)
+    beyond = cubic(turn) <= 0.0
+    low, high = np.where(beyond, turn, 0.0), np.where(beyond, 1.0, turn)
+    z = 1.0 - _bisect(lambda y: cubic(y) <= 0.0, low, high)
+    # A small index has z near modulus, of which 1 - y keeps no digits; the cubic in z is nearly linear there.
+    square = modulus - 2.0 + q
+    for _ in range(2):
+        value = ((z + square) * z + 1.0) * z - modulus
+        z = np.where(modulus < 0.1, z - value / ((3.0 * z + 2.0 * square) * z + 1.0), z)
+    return _angle(eta, k, np.where(k == 0.0, 1.0, z))
+
+
+def critical_angle(eta: ArrayLike) -> Floats:
+    """Critical angle arcsin(eta) of total reflection in radians, shape S; NaN where eta >= 1 has none."""
+    eta, _ = checked_index(eta)
+    result: Floats = np.arcsin(np.where(eta < 1.0, eta, np.nan))
+    return result[()]
+
+
+def _scaled(eta: Floats, k: Floats) -> tuple[Floats, Floats]:
+    """\\|eps\\| and sin^2(arg(eps) / 2) = k^2 / (eta^2 + k^2)."""
+    index = np.hypot(eta, k)
+    return index**2, (k / index) ** 2
+
+
+def _pseudo_brewster_shift(modulus: Floats, sin2: Floats) -> Floats:
+    """The y of z = 1 + y in Azzam's cubic, y^3 + (3 + \\|eps\\|) y^2 + 2 \\|eps\\| y = 4 sin2; in [0, 1].
+
+    All coefficients are positive, so there is one root y >= 0.  The cubic's other
+    root inside (0, 90) degrees, present for \\|eps - 1\\| < 1, has z < 1; there R_p is
+    not stationary (it came in with a squaring).
+    """
+    # Without y^3 it is a quadratic whose root lies above; from there Newton descends to the root of the
+    # convex cubic without overshooting, and quadratically: y <= 1 makes y^3 at most a third of 3 y^2.
+    y = 4.0 * sin2 / (modulus + np.sqrt(modulus**2 + 4.0 * sin2 * (3.0 + modulus)))
+    for _ in range(_NEWTON_STEPS):
+        value = ((y + 3.0 + modulus) * y + 2.0 * modulus) * y - 4.0 * sin2
+        slope = (3.0 * y + 2.0 * (3.0 + modulus)) * y + 2.0 * modulus
+        y = y - value / slope
+    return y
+
+
+def _angle(eta: Floats, k: Floats, z: Floats) -> Floats:
+    """arctan sqrt(\\|eps\\| / z)."""
+    result: Floats = np.arctan(np.hypot(eta, k) / np.sqrt(z))
+    return result[()]
+
+
+def _bisect(before: Callable[[Floats], NDArray[np.bool_]], start: Floats, end: Floats) -> Floats:
+    """Where ``before`` turns from true at start to false at end, elementwise."""
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (start + end)
+        early = before(middle)
+        start, end = np.where(early, middle, start), np.where(early, end, middle)
+    return 0.5 * (start + end)

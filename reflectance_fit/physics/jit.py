@@ -1,0 +1,67 @@
+"""How our kernels are compiled, and where the compiled code is kept.
+
+numba's cache looks at the file of the function itself only, so a kernel that
+calls another module's kernel would go on running the old one after a change.
+The folder's name therefore carries a digest of our sources.  The cache is
+read by unpickling: it lies in a folder of the user's own, mode 0700, and
+where that cannot be had nothing is cached.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import stat
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba import njit
+
+
+def _sources_digest() -> str:
+    package = Path(__file__).resolve().parents[1]
+    digest = hashlib.sha256(numba.__version__.encode())
+    for source in sorted(package.rglob("*.py")):
+        digest.update(source.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _private_folder() -> Path | None:
+    """The user's own cache folder, or None where it is not theirs alone."""
+    base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    folder = Path(base).expanduser() / "reflectance_fit" / f"kernels-{_sources_digest()}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        status = folder.lstat()
+        owned = not hasattr(os, "getuid") or status.st_uid == os.getuid()
+        if not (owned and stat.S_ISDIR(status.st_mode) and os.access(folder, os.W_OK)):
+            return None
+        folder.chmod(0o700)
+    except (OSError, RuntimeError):  # RuntimeError: no home folder
+        return None
+    return folder
+
+
+_FOLDER = _private_folder()
+
+
+def _compile(function: Callable[..., Any], **options: bool) -> Any:
+    # numba reads the folder when it decorates; other libraries' kernels keep theirs.
+    before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
+    numba.config.CACHE_DIR = str(_FOLDER or before)  # type: ignore[attr-defined]
+    try:
+        return njit(cache=_FOLDER is not None, error_model="numpy", **options)(function)
+    finally:
+        numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile strictly (no fastmath), division by zero as numpy has it, cached when that is safe."""
+    return _compile(function)
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """As ``kernel``, for small helpers: inlined, because a tuple of arrays is costly to hand over."""
+    return _compile(function, forceinline=True)

@@ -1,0 +1,74 @@
+"""Compiled twins of the readable physics, scalar, for the hot loops of a fit.
+
+``interface`` is ``fresnel.amplitudes`` reduced to the four numbers that a
+detector can see; ``analyzer_signal`` is the Mueller chain source, sample,
+retarder, analyzer of ``mueller`` multiplied out.  Tests hold each to its
+readable form.  Signs: docs/conventions.md.
+"""
+
+from __future__ import annotations
+
+import math
+
+from reflectance_fit.physics.jit import inlined
+
+
+@inlined
+def interface(theta: float, eta: float, k: float) -> tuple[float, float, float, float]:
+    """R_s, R_p and the real and imaginary part of r_s conj(r_p).
+
+    ``theta`` in radians in [0, pi/2]; eta + ik relative, eta > 0, k >= 0.
+    """
+    c, s = math.cos(theta), math.sin(theta)
+    c2, s2 = c * c, s * s
+    # q = sqrt(epsilon - s2) = u + iv, both from the one square root that does not cancel.
+    epsilon_re, epsilon_im = (eta - k) * (eta + k), 2 * eta * k
+    a = epsilon_re - s2
+    h = math.sqrt(a * a + epsilon_im * epsilon_im)
+    larger = math.sqrt(0.5 * (h + abs(a)))
+    smaller = 0.5 * epsilon_im / larger if larger > 0 else 0.0
+    u, v = (larger, smaller) if a >= 0 else (smaller, larger)
+    d = (c + u) ** 2 + v * v
+    e = (u * c + s2) ** 2 + (v * c) ** 2
+    contrast_re = (eta - 1) * (eta + 1) - k * k
+    reflectance_s = (contrast_re**2 + epsilon_im**2) / (d * d)
+    # r_p / r_s = (s2 - q c) / (s2 + q c); |.|^2 by the form that keeps its digits at Brewster.
+    ratio = ((epsilon_re * c2 - s2) ** 2 + (epsilon_im * c2) ** 2) / (e * e)
+    return (
+        reflectance_s,
+        reflectance_s * ratio,
+        reflectance_s * (s2 * s2 - h * c2) / e,
+        reflectance_s * 2 * s2 * c * v / e,
+    )
+
+
+@inlined
+def analyzer_signal(
+    reflection: tuple[float, float, float, float],
+    light: tuple[float, float, float, float],
+    analyzer: float,
+    retarder: float,
+    retardance: float,
+    diattenuation: float,
+) -> float:
+    """What a detector behind an analyzer sees of ``light`` reflected by ``reflection``.
+
+    ``reflection`` is what ``interface`` returns, ``light`` an incident Stokes
+    vector; angles in radians from s.  NaN for ``analyzer`` means there is
+    none, NaN for ``retarder`` likewise.
+    """
+    r_s, r_p, cross_re, cross_im = reflection
+    a, b = 0.5 * (r_s + r_p), 0.5 * (r_s - r_p)
+    s0 = a * light[0] + b * light[1]
+    s1 = b * light[0] + a * light[1]
+    s2 = cross_re * light[2] - cross_im * light[3]
+    s3 = cross_im * light[2] + cross_re * light[3]
+    if math.isnan(analyzer):
+        return s0
+    if not math.isnan(retarder):
+        # Into the retarder's frame, the slow axis delayed, and back.
+        c2, n2 = math.cos(2 * retarder), math.sin(2 * retarder)
+        along, across = c2 * s1 + n2 * s2, c2 * s2 - n2 * s1
+        across = across * math.cos(retardance) + s3 * math.sin(retardance)
+        s1, s2 = c2 * along - n2 * across, n2 * along + c2 * across
+    return 0.5 * (s0 + diattenuation * (s1 * math.cos(2 * analyzer) + s2 * math.sin(2 * analyzer)))

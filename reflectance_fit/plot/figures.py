@@ -1,0 +1,67 @@
+"""Every picture of a result, written to one folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from reflectance_fit.plot.chains import draw_autocorrelation, draw_rank, draw_trace
+from reflectance_fit.plot.corner import draw_corner
+from reflectance_fit.plot.curve import Predict
+from reflectance_fit.plot.fit import draw_fit
+from reflectance_fit.plot.priors import draw_prior_posterior
+from reflectance_fit.plot.residuals import draw_residuals
+from reflectance_fit.plot.schlick import draw_schlick
+from reflectance_fit.plot.spectrum import draw_spectrum
+from reflectance_fit.plot.style import save
+from reflectance_fit.plot.text import slugs
+from reflectance_fit.result import Fit
+
+# Beyond this many channels a folder of pictures is no longer looked at.
+MOST_CHANNELS = 12
+
+
+def draw_all(
+    fits: Sequence[Fit],
+    folder: Path,
+    predict: Predict,
+    *,
+    progress: Callable[[str], None] | None = None,
+) -> list[Path]:
+    """Draw and write every picture of ``fits``, as PNG and SVG; returns the paths.
+
+    One channel gives ``fit.png``, several give ``fit-CHANNEL.png``.  With more
+    than 12 channels only the first, the middle and the last get their own
+    pictures.  From 3 channels on, ``spectrum`` shows them all.  ``progress``
+    is called with each picture's name before it is drawn.
+    """
+    draw: dict[str, Callable[[Fit], Figure]] = {
+        "fit": lambda fit: draw_fit(fit, predict),
+        "residuals": draw_residuals,
+        "corner": draw_corner,
+        "trace": draw_trace,
+        "autocorrelation": draw_autocorrelation,
+        "rank": draw_rank,
+        "prior_posterior": draw_prior_posterior,
+        "schlick": draw_schlick,
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    paths: list[Path] = []
+
+    def write(name: str, figure: Callable[[], Figure]) -> None:
+        if progress is not None:
+            progress(name)
+        paths.extend(save(figure(), folder, name))
+
+    endings = [""] if len(fits) == 1 else [f"-{slug}" for slug in slugs(fit.channel for fit in fits)]
+    channels = list(zip(fits, endings, strict=True))
+    if len(channels) > MOST_CHANNELS:
+        channels = [channels[0], channels[len(channels) // 2], channels[-1]]
+    for fit, ending in channels:
+        for name, function in draw.items():
+            write(name + ending, lambda fit=fit, function=function: function(fit))  # type: ignore[misc]
+    if len(fits) >= 3:
+        write("spectrum", lambda: draw_spectrum(fits))
+    return paths

@@ -1,0 +1,198 @@
+"""From fits to a Report: every number of report.yaml, and the warnings."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from reflectance_fit.report import literature, schema
+from reflectance_fit.report.approximations import schlick_errors
+from reflectance_fit.report.numbers import short
+from reflectance_fit.result import Fit, Interval
+
+PACKAGES = ("numpy", "scipy", "numba", "nlopt", "emcee", "arviz-stats")
+_WRONG_MODEL_P = 0.001
+
+
+def build_report(
+    fits: Sequence[Fit],
+    *,
+    sample_name: str,
+    exterior_ior: float,
+    notes: Sequence[str],
+    seed: int,
+    inputs: Sequence[tuple[str, str]],
+    seconds: Mapping[str, float] | None,
+) -> schema.Report:
+    """The report of all ``fits``.
+
+    ``notes`` are the reader's warnings about rows left out, ``inputs`` pairs
+    of file and sha256.  ``seconds`` are times a stage; with None nothing in
+    the report depends on the clock, so equal runs give equal bytes.
+    """
+    channels, warnings = [], [
+        schema.Warning(code="ROWS_IGNORED", channel=None, message=note) for note in notes
+    ]
+    for index, fit in enumerate(fits):
+        table, disagreement = literature.compare(sample_name, fit)
+        channels.append(_channel(fit, index, table, timed=seconds is not None))
+        warnings += [
+            schema.Warning(code=code, channel=fit.channel, message=message)  # type: ignore[arg-type]
+            for code, message in [*_warnings(fit), *([("LITERATURE_DISAGREES", disagreement)] if disagreement else [])]
+        ]
+    return schema.Report(
+        schema=schema.SCHEMA,
+        sample=schema.Sample(name=sample_name),
+        exterior_ior=exterior_ior,
+        fits=[_fit(fit) for fit in fits],
+        channels=channels,
+        priors={name: prior.as_yaml() for fit in fits for name, prior in fit.priors.items()},
+        effort=schema.Effort(
+            fresnel="plain",
+            model=", ".join(dict.fromkeys(fit.optimum.model for fit in fits)),
+            posterior=", ".join(dict.fromkeys(fit.posterior.method for fit in fits)),
+            seconds={name: short(value, 3) for name, value in seconds.items()} if seconds else None,
+        ),
+        warnings=warnings,
+        provenance=schema.Provenance(
+            version=importlib.metadata.version("reflectance_fit"),
+            seed=seed,
+            inputs=[schema.Input(file=file, sha256=sha256) for file, sha256 in inputs],
+            packages={"python": platform.python_version()}
+            | {name: importlib.metadata.version(name) for name in PACKAGES},
+        ),
+    )
+
+
+def _channel(fit: Fit, index: int, table: schema.Literature | None, *, timed: bool) -> schema.Channel:
+    intervals = fit.intervals
+    eta, k = intervals["eta"], intervals["k"]
+    errors = None
+    if eta.median is not None:
+        relative = (eta.median / fit.exterior_ior, (k.median or 0.0) / fit.exterior_ior)
+        errors = schlick_errors(*relative, timed=timed)
+    kind = "brewster" if fit.optimum.model == "dielectric" else "pseudo_brewster"
+    if table is not None:
+        table = table.model_copy(
+            update={name: None if (v := getattr(table, name)) is None else short(v) for name in ("eta", "k", "z")}
+        )
+    return schema.Channel(
+        channel=fit.channel,
+        fit=index,
+        wavelength_nm=fit.wavelength_nm,
+        eta=schema.Estimate(**_estimate(eta)),
+        k=schema.Estimate(**_estimate(k)),
+        brewster_deg=schema.BrewsterEstimate(kind=kind, **_estimate(intervals["brewster_deg"])),
+        second_brewster_deg=_optional(intervals.get("second_brewster_deg")),
+        principal_angle_deg=_optional(intervals.get("principal_angle_deg")),
+        r0=schema.Estimate(**_estimate(intervals["r0"])),
+        schlick=errors,
+        literature=table,
+    )
+
+
+def _fit(fit: Fit) -> schema.FitReport:
+    optimum, posterior = fit.optimum, fit.posterior
+    sampled = [name for name in posterior.names if name not in ("eta", "k") and not name.startswith("sigma[")]
+    reduced = optimum.reduced_chi2
+    return schema.FitReport(
+        channels=[fit.channel],
+        model=schema.ModelChoice(
+            name=optimum.model,
+            chosen_because=fit.chosen_because,
+            candidates=[
+                schema.Candidate(
+                    name=c.name, parameters=c.parameters, chi2=short(c.chi2), dof=c.dof, bic=short(c.bic)
+                )
+                for c in fit.candidates
+            ],
+        ),
+        fit=schema.FitQuality(
+            optimizer=optimum.optimizer,
+            chi2=short(optimum.chi2),
+            dof=optimum.dof,
+            reduced_chi2=None if reduced is None else short(reduced),
+            p_value=None if (p := fit.p_value) is None else short(p, 3),
+            nuisances={
+                name: schema.Nuisance(
+                    median=short(float(np.median(posterior.samples[name]))),
+                    sd=short(float(posterior.samples[name].std())),
+                )
+                for name in sampled
+            },
+            gains={name: short(value) for name, value in optimum.gains.items()},
+            estimated_sigma={name: short(value) for name, value in fit.estimated_sigma.items()},
+            nan_evaluations=optimum.nan_count,
+        ),
+        posterior=schema.PosteriorQuality(
+            method="emcee",
+            ensembles=posterior.ensembles,
+            draws=posterior.log_density.size,
+            steps=posterior.steps,
+            burn_in=posterior.burn_in,
+            ess_min=short(min(posterior.ess.values()), 4),
+            rhat_nested_max=short(max(posterior.rhat_nested.values()), 6),
+            acceptance=short(posterior.acceptance, 3),
+            autocorrelation_steps=short(float(posterior.tau[-1]), 3),
+        ),
+    )
+
+
+def _warnings(fit: Fit) -> list[tuple[str, str]]:
+    found = []
+    p = fit.p_value
+    if p is not None and p < _WRONG_MODEL_P:
+        found.append(
+            (
+                "WRONG_MODEL",
+                f"no model fits: reduced chi2 {fit.optimum.reduced_chi2:.3g} (p = {p:.1g}); intervals are not to be "
+                "trusted. A film, a wrong angle zero, or sigmas stated too small?",
+            )
+        )
+    if fit.saturated:
+        found.append(("SATURATED", f"{fit.saturated} rows at or above saturation were left out"))
+    if fit.estimated_sigma:
+        text = ", ".join(f"{name} {value:.3g}" for name, value in fit.estimated_sigma.items())
+        found.append(("SIGMA_ESTIMATED", f"no sigma was stated; estimated from the residuals: {text}"))
+    if not fit.posterior.converged:
+        worst = max(fit.posterior.rhat_nested.values())
+        found.append(
+            (
+                "NOT_CONVERGED",
+                f"after {fit.posterior.steps} steps nested R-hat is {worst:.3f} and the effective sample size "
+                f"{min(fit.posterior.ess.values()):.0f}; intervals are rough",
+            )
+        )
+    angle = fit.intervals["brewster_deg"].median
+    low, high = fit.observations.theta_deg.min(), fit.observations.theta_deg.max()
+    if angle is not None and not low <= angle <= high:
+        found.append(
+            (
+                "ANGLE_RANGE",
+                f"the Brewster angle {angle:.1f} deg lies outside of the angles measured, {low:g} to {high:g} deg: "
+                "it follows from the model alone",
+            )
+        )
+    return found
+
+
+def _estimate(value: Interval) -> dict[str, Any]:
+    def pair(interval: tuple[float, float] | None) -> list[float] | None:
+        return None if interval is None else [short(x) for x in interval]
+
+    return {
+        "median": None if value.median is None else short(value.median),
+        "sd": None if value.sd is None else short(value.sd),
+        "ci68": pair(value.ci68),
+        "ci95": pair(value.ci95),
+        "status": value.status,
+        "modes": [short(m) for m in value.modes] if value.modes else None,
+    }
+
+
+def _optional(value: Interval | None) -> schema.Estimate | None:
+    return None if value is None else schema.Estimate(**_estimate(value))

@@ -1,0 +1,63 @@
+"""posterior.nc: draws as a NetCDF4 file that ArviZ opens, written without ArviZ."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import h5netcdf
+import numpy as np
+
+from reflectance_fit.result import Fit
+
+UNITS = {"eta": "1", "k": "1", "r0": "1", "diffuse": "1", "source_dolp": "1", "diattenuation": "1"}
+
+
+def write_posterior(fits: Sequence[Fit], path: Path) -> None:
+    """Groups ``posterior`` and ``sample_stats`` with dims (chain, draw, channel).
+
+    Variables: eta, k, r0, the angles in degrees, the nuisances; where a
+    channel lacks one (a dielectric has no second Brewster angle) it is NaN.
+    A chain is one walker; ``ensemble`` names the one it belongs to.  Channels
+    with fewer walkers or draws repeat none: the file holds the common number.
+    """
+    chains = min(fit.posterior.log_density.shape[0] for fit in fits)
+    draws = min(fit.posterior.log_density.shape[1] for fit in fits)
+    sources = [{**fit.posterior.samples, **fit.derived} for fit in fits]
+    names = list(dict.fromkeys(name for source in sources for name in source))
+    picks = [_even(fit.posterior.log_density.shape[0], chains) for fit in fits]
+    with h5netcdf.File(path, "w") as file:
+        file.attrs["title"] = "posterior draws of reflectance_fit"
+        file.attrs["conventions"] = "index eta + ik relative to vacuum, k >= 0; angles in degrees"
+        posterior = _group(file, "posterior", chains, draws, [fit.channel for fit in fits])
+        for name in names:
+            variable = posterior.create_variable(name, ("chain", "draw", "channel"), float, fillvalue=np.nan)
+            columns = [
+                source[name][pick, -draws:] if name in source else np.full((chains, draws), np.nan)
+                for source, pick in zip(sources, picks, strict=True)
+            ]
+            variable[...] = np.stack(columns, axis=-1)
+            variable.attrs["units"] = UNITS.get(name, "degree" if name.endswith("_deg") else "1")
+        stats = _group(file, "sample_stats", chains, draws, [fit.channel for fit in fits])
+        density = stats.create_variable("lp", ("chain", "draw", "channel"), float)
+        density[...] = np.stack(
+            [fit.posterior.log_density[pick, -draws:] for fit, pick in zip(fits, picks, strict=True)], axis=-1
+        )
+        ensemble = stats.create_variable("ensemble", ("chain",), int)
+        ensemble[...] = fits[0].posterior.ensemble[picks[0]]
+
+
+def _even(available: int, wanted: int) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    """``wanted`` of ``available`` walkers, evenly spread, so that every ensemble keeps its share."""
+    return np.floor(np.arange(wanted) * (available / wanted)).astype(np.int64)
+
+
+def _group(file: h5netcdf.File, name: str, chains: int, draws: int, channels: list[str]) -> h5netcdf.Group:
+    group = file.create_group(name)
+    group.dimensions = {"chain": chains, "draw": draws, "channel": len(channels)}
+    group.create_variable("chain", ("chain",), int)[...] = np.arange(chains)
+    group.create_variable("draw", ("draw",), int)[...] = np.arange(draws)
+    labels = np.array(channels, dtype=object)
+    variable = group.create_variable("channel", ("channel",), h5netcdf.core.h5py.string_dtype())
+    variable[...] = labels
+    return group

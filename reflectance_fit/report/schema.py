@@ -1,0 +1,186 @@
+"""report.yaml as types: what is written is what this says, and ``schema report`` prints it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+SCHEMA = "reflectance_fit/material-report/1"
+
+Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
+Status = Literal["identified", "upper_limit", "not_identified", "multimodal", "fixed"]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, populate_by_name=True)
+
+
+class Sample(_Part):
+    name: str
+    note: str | None = None
+
+
+class Estimate(_Part):
+    """A posterior: median, sd, 68 and 95 % intervals; null where nothing honest can be said."""
+
+    median: float | None
+    sd: float | None
+    ci68: Pair | None
+    ci95: Pair | None
+    status: Status
+    modes: list[float] | None = Field(None, description="median of each mode, where multimodal")
+
+
+class BrewsterEstimate(Estimate):
+    kind: Literal["brewster", "pseudo_brewster"]
+
+
+class Candidate(_Part):
+    name: str
+    parameters: int
+    chi2: float
+    dof: int
+    bic: float
+
+
+class ModelChoice(_Part):
+    name: str
+    chosen_because: str
+    candidates: list[Candidate]
+
+
+class Nuisance(_Part):
+    median: float
+    sd: float
+
+
+class FitQuality(_Part):
+    optimizer: str
+    chi2: float
+    dof: int
+    reduced_chi2: float | None
+    p_value: float | None = Field(description="null where sigma was estimated from the residuals")
+    nuisances: dict[str, Nuisance]
+    gains: dict[str, float]
+    estimated_sigma: dict[str, float]
+    nan_evaluations: int
+
+
+class PosteriorQuality(_Part):
+    method: Literal["emcee", "importance", "laplace"]
+    ensembles: int
+    draws: int
+    steps: int
+    burn_in: int
+    ess_min: float
+    rhat_nested_max: float
+    acceptance: float
+    autocorrelation_steps: float
+
+
+class FitReport(_Part):
+    channels: list[str]
+    model: ModelChoice
+    fit: FitQuality
+    posterior: PosteriorQuality
+
+
+class ApproximationError(_Part):
+    """An approximation minus exact Fresnel for unpolarized light, over 0 to 90 deg."""
+
+    name: str
+    max_abs_error: float
+    at_deg: float
+    max_rel_error: float | None
+    rms_error: float
+    albedo_error: float | None
+    ns_per_eval: float | None = Field(None, description="measured in this run; absent with --no-timings")
+
+
+class SchlickError(_Part):
+    """Schlick's own figures, then every approximation's."""
+
+    max_abs_error: float
+    at_deg: float
+    max_rel_error: float | None
+    rms_error: float
+    albedo_error: float | None
+    approximations: list[ApproximationError]
+
+
+class Literature(_Part):
+    """The built-in table that the sample's name points to; values relative to vacuum."""
+
+    nearest: str
+    eta: float
+    k: float | None
+    z: float | None = Field(description="(fitted - tabulated eta) / sd")
+    source: str
+
+
+class Channel(_Part):
+    channel: str
+    fit: int = Field(description="index into fits")
+    wavelength_nm: float
+    eta: Estimate
+    k: Estimate
+    brewster_deg: BrewsterEstimate
+    second_brewster_deg: Estimate | None = None
+    principal_angle_deg: Estimate | None = None
+    r0: Estimate
+    schlick: SchlickError | None = Field(description="null where eta is not identified")
+    literature: Literature | None = None
+
+
+class Effort(_Part):
+    fresnel: str
+    model: str
+    posterior: str
+    seconds: dict[str, float] | None = None
+
+
+class Warning(_Part):  # noqa: A001 - the contract's word
+    code: Literal[
+        "WRONG_MODEL",
+        "ANGLE_RANGE",
+        "SATURATED",
+        "DARK_OFFSET",
+        "FILM_SUSPECTED",
+        "WIDE_BAND",
+        "NOT_CONVERGED",
+        "SIGMA_ESTIMATED",
+        "LITERATURE_DISAGREES",
+        "NO_HASHES",
+        "TOLERANCE_FLOOR",
+        "ROWS_IGNORED",
+    ]
+    channel: str | None
+    message: str
+
+
+class Input(_Part):
+    file: str
+    sha256: str
+
+
+class Provenance(_Part):
+    version: str
+    seed: int
+    inputs: list[Input]
+    packages: dict[str, str]
+
+
+class Report(_Part):
+    """What one run found: schema reflectance_fit/material-report/1."""
+
+    schema_: Literal["reflectance_fit/material-report/1"] = Field(SCHEMA, alias="schema")
+    sample: Sample
+    exterior_ior: float
+    fits: list[FitReport]
+    channels: list[Channel]
+    priors: dict[str, Any]
+    effort: Effort
+    warnings: list[Warning]
+    provenance: Provenance
+    conventions: str = "docs/conventions.md"

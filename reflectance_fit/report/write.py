@@ -1,0 +1,62 @@
+"""Reports as YAML: written by PyYAML, because its numbers read alike in YAML 1.1 and 1.2."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import yaml
+
+from reflectance_fit.material import Material
+from reflectance_fit.report.numbers import short
+from reflectance_fit.report.schema import Report, SchlickError
+
+
+def report_yaml(report: Report) -> str:
+    """The text of report.yaml; optional parts that are absent are left out, absent numbers are null."""
+    data = report.model_dump(mode="json", by_alias=True)
+    for channel in data["channels"]:
+        for name in ("second_brewster_deg", "principal_angle_deg", "literature"):
+            if channel[name] is None:
+                del channel[name]
+        for value in channel.values():
+            if isinstance(value, dict) and value.get("modes", ...) is None:
+                del value["modes"]
+        for row in (channel["schlick"] or {}).get("approximations", []):
+            if row["ns_per_eval"] is None:
+                del row["ns_per_eval"]
+    if data["sample"]["note"] is None:
+        del data["sample"]["note"]
+    if data["effort"]["seconds"] is None:
+        del data["effort"]["seconds"]
+    return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=110)
+
+
+def approximations_yaml(material: Material, errors: list[SchlickError]) -> str:
+    """The text of schlick.yaml: each channel's index and every approximation's errors."""
+    rows = zip(material.channels, material.eta, material.k, errors, strict=True)
+    data = {
+        "schema": "reflectance_fit/approximations/1",
+        "material": {"name": material.name, "source": material.source},
+        "exterior_ior": material.exterior_ior,
+        "channels": [
+            {"channel": c, "eta": short(float(eta)), "k": short(float(k)), "schlick": e.model_dump(mode="json")}
+            for c, eta, k, e in rows
+        ],
+    }
+    return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=110)
+
+
+class _Dumper(yaml.SafeDumper):
+    """Safe, with short number lists on one line."""
+
+
+def _sequence(dumper: _Dumper, items: list[object]) -> yaml.Node:
+    flow = all(isinstance(item, int | float) for item in items)
+    return dumper.represent_sequence("tag:yaml.org,2002:seq", items, flow_style=flow)
+
+
+_Dumper.add_representer(list, _sequence)
+
+
+def write_text(text: str, path: Path) -> None:
+    path.write_text(text, encoding="utf-8")

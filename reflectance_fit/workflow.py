@@ -1,0 +1,209 @@
+"""One typed function per command; the command line only parses and prints."""
+
+from __future__ import annotations
+
+import time
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel
+
+from reflectance_fit.errors import ReflectanceFitError
+from reflectance_fit.fit.forward import predictor
+from reflectance_fit.fit.run import MODELS, fit_channel
+from reflectance_fit.material import Material
+from reflectance_fit.materials import library
+from reflectance_fit.materials.loader import AIR_INDEX
+from reflectance_fit.measurement.manifest import Manifest
+from reflectance_fit.measurement.measurement import Measurement
+from reflectance_fit.measurement.read import read_measurement
+from reflectance_fit.observations import Flag
+from reflectance_fit.report.approximations import schlick_errors as schlick_errors_of
+from reflectance_fit.report.build import build_report
+from reflectance_fit.report.files import check_writable, replace_folder, write_whole
+from reflectance_fit.report.netcdf import write_posterior
+from reflectance_fit.report.read import material_of, read_report
+from reflectance_fit.report.schema import Report, SchlickError
+from reflectance_fit.report.write import approximations_yaml, report_yaml, write_text
+from reflectance_fit.result import Fit
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FitResult:
+    """A finished fit: the report, and the fits behind it (draws, residuals, candidates)."""
+
+    report: Report
+    fits: tuple[Fit, ...]
+
+    def write(
+        self, folder: Path | str, *, plots: bool = True, progress: Callable[[str], None] | None = None
+    ) -> Path:
+        """Write report.yaml, posterior.nc and plots/ into ``folder``; returns the path of report.yaml.
+
+        Each file and the folder of plots appears whole or not at all;
+        report.yaml comes last, so where it stands the rest does.
+        """
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        write_whole(folder / "posterior.nc", partial(write_posterior, self.fits))
+        if plots:
+            from reflectance_fit.plot.figures import draw_all
+
+            replace_folder(
+                folder / "plots", lambda path: draw_all(self.fits, path, predictor, progress=progress)
+            )
+        path = folder / "report.yaml"
+        write_whole(path, partial(write_text, report_yaml(self.report)))
+        return path
+
+
+def fit(
+    source: Measurement | Path | str,
+    *,
+    model: str = "auto",
+    seed: int = 0,
+    timings: bool = True,
+    progress: Progress | None = None,
+) -> FitResult:
+    """Fit a measurement: eta, k and the Brewster angle of every channel, with posteriors.
+
+    Parameters
+    ----------
+    source : Measurement or path
+        A measurement, or the path of a measurement.yaml.
+    model : {"auto", "dielectric", "conductor"}
+        auto takes whichever has the lower BIC.
+    seed : int
+        The same inputs and seed give the same result, bit for bit.
+    timings : bool
+        Without them the report holds no wall-clock figure.
+    progress : callable, optional
+        Called with (channel, steps done, steps at most) while sampling.
+
+    Raises
+    ------
+    ReflectanceFitError
+        For anything wrong with the input; nothing is written then.
+    """
+    if model not in ("auto", *MODELS):
+        raise ReflectanceFitError(f"unknown model '{model}'; choose auto, {' or '.join(MODELS)}")
+    started = time.perf_counter()
+    measurement = source if isinstance(source, Measurement) else read_measurement(Path(source))
+    read = time.perf_counter()
+    fits = []
+    for index, (channel, rows) in enumerate(measurement.observations.channels()):
+        if not np.any(rows.flag == Flag.USED):
+            raise ReflectanceFitError(f"{measurement.path}: no usable row for {channel}; all are saturated")
+        fits.append(
+            fit_channel(
+                channel,
+                rows,
+                exterior_ior=measurement.exterior_ior,
+                priors=measurement.priors,
+                nuisances=measurement.nuisances or {},
+                model=model,
+                seed=(seed, index),
+                progress=progress,
+            )
+        )
+    seconds = {"read": read - started, "fit": time.perf_counter() - read}
+    report = build_report(
+        fits,
+        sample_name=measurement.sample_name,
+        exterior_ior=measurement.exterior_ior,
+        notes=measurement.warnings,
+        seed=seed,
+        inputs=measurement.inputs,
+        seconds=seconds if timings else None,
+    )
+    return FitResult(report, tuple(fits))
+
+
+def fit_to_folder(
+    source: Path,
+    folder: Path,
+    *,
+    model: str,
+    seed: int,
+    plots: bool,
+    timings: bool,
+    progress: Progress,
+    drawing: Callable[[str], None],
+) -> FitResult:
+    """``fit`` and ``FitResult.write``; an unwritable folder is told before the work, not after."""
+    measurement = read_measurement(source)
+    check_writable(folder)
+    result = fit(measurement, model=model, seed=seed, timings=timings, progress=progress)
+    result.write(folder, plots=plots, progress=drawing)
+    return result
+
+
+def json_schema(name: str) -> dict[str, Any]:
+    """The JSON Schema of a file format: measurement or report."""
+    models: dict[str, type[BaseModel]] = {"measurement": Manifest, "report": Report}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | models[name].model_json_schema()
+
+
+def schlick_errors(
+    *,
+    report: Path | None = None,
+    eta: float | None = None,
+    k: float = 0.0,
+    material: str | None = None,
+    wavelength_nm: float = 550.0,
+    folder: Path | None = None,
+) -> list[tuple[str, SchlickError]]:
+    """Errors of every approximation for each channel of a report, for an index, or for a built-in material.
+
+    ``eta`` and ``k`` are relative to the exterior; a built-in material is seen
+    from air.  Titles come with the errors.  With ``folder``, schlick.yaml and
+    a plot a channel are written there.
+    """
+    if folder is not None:
+        check_writable(folder)
+    if report is not None:
+        subject = material_of(read_report(report), report)
+    elif material is not None:
+        subject = _built_in(material, wavelength_nm)
+    else:
+        if eta is None or not (eta > 0 and math.isfinite(eta) and k >= 0 and math.isfinite(k)):
+            raise ReflectanceFitError("need a finite eta > 0 and k >= 0 (the index is eta + ik)")
+        subject = Material("given index", "", ("index",), np.array([math.nan]), np.array([eta]), np.array([k]))
+    relative_eta, relative_k = subject.relative
+    results = [
+        (f"{subject.name}, {channel}: eta = {n:.4f}, k = {x:.4f} (relative)", schlick_errors_of(n, x, timed=True))
+        for channel, n, x in zip(subject.channels, map(float, relative_eta), map(float, relative_k), strict=True)
+    ]
+    if folder is not None:
+        from reflectance_fit.plot.schlick import draw_approximations
+        from reflectance_fit.plot.style import save
+        from reflectance_fit.plot.text import slugs
+
+        folder.mkdir(parents=True, exist_ok=True)
+        endings = [""] if len(results) == 1 else [f"-{slug}" for slug in slugs(subject.channels)]
+        for ending, (title, _), n, x in zip(endings, results, relative_eta, relative_k, strict=True):
+            save(draw_approximations(title, float(n), float(x)), folder, f"schlick{ending}")
+        text = approximations_yaml(subject, [errors for _, errors in results])
+        write_whole(folder / "schlick.yaml", partial(write_text, text))
+    return results
+
+
+def _built_in(name: str, wavelength_nm: float) -> Material:
+    constants = library.get(name)
+    eta, k = constants.absolute_index(wavelength_nm)
+    return Material(
+        name=constants.name,
+        source=constants.source,
+        channels=(f"{wavelength_nm:g} nm",),
+        wavelength_nm=np.array([wavelength_nm]),
+        eta=np.array([float(eta)]),
+        k=np.array([float(k)]),
+        exterior_ior=AIR_INDEX,
+    )

@@ -1,0 +1,179 @@
+"""Every picture draws in silence, carries units, and is the same bytes every time."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from matplotlib._pylab_helpers import Gcf
+from matplotlib.image import imread
+
+from reflectance_fit.plot.chains import draw_autocorrelation, draw_rank, draw_trace
+from reflectance_fit.plot.corner import draw_corner
+from reflectance_fit.plot.curve import Model, turn
+from reflectance_fit.plot.figures import draw_all
+from reflectance_fit.plot.fit import draw_fit
+from reflectance_fit.plot.priors import draw_prior_posterior
+from reflectance_fit.plot.residuals import draw_residuals
+from reflectance_fit.plot.schlick import draw_schlick
+from reflectance_fit.plot.series import panels
+from reflectance_fit.plot.spectrum import draw_spectrum
+from reflectance_fit.plot.style import save
+
+FITS = ["glass", "gold", "photographs", "analyzer_scan", "everything"]
+NAMES = ["fit", "residuals", "corner", "trace", "autocorrelation", "rank", "prior_posterior", "schlick"]
+HOSTILE = [
+    "a$x_{$b",
+    "<script>alert(1)</script>",
+    "re\u202edrawer",
+    "line\nbreak",
+    "x" * 500,
+    "_\\frac{$",
+    "日本",
+    "",
+]
+UNIT = re.compile(r"\((deg|fraction|ratio|a\.u\.|nm|steps|iterations|σ)\)|density|^(η|k)\b|$^")
+
+
+@pytest.mark.parametrize("name", FITS)
+def test_every_picture_is_written_whole(name, request, tmp_path, predict):
+    seen = []
+    paths = draw_all([request.getfixturevalue(name)], tmp_path, predict, progress=seen.append)
+    assert seen == NAMES
+    assert sorted(p.name for p in paths) == sorted(p.name for p in tmp_path.iterdir())
+    assert {p.name for p in paths} == {f"{n}.{kind}" for n in NAMES for kind in ("png", "svg")}
+    for path in paths:
+        assert 2_000 < path.stat().st_size < 500_000
+        if path.suffix == ".png":
+            assert imread(path)[..., :3].std() > 0.02
+        else:
+            ElementTree.parse(path)
+    assert not Gcf.get_all_fig_managers()
+
+
+def test_equal_input_gives_equal_bytes(glass, tmp_path, predict):
+    first = draw_all([glass], tmp_path / "a", predict)
+    second = draw_all([glass], tmp_path / "b", predict)
+    for one, two in zip(first, second, strict=True):
+        assert one.read_bytes() == two.read_bytes(), one.name
+
+
+def test_hostile_names_stay_text(analyzer_scan, tmp_path, predict):
+    def named(text):
+        observations = replace(
+            analyzer_scan.observations,
+            set=np.array([text if i % 2 else "other" for i in range(len(analyzer_scan.observations))]),
+        )
+        return replace(analyzer_scan, channel=text, observations=observations)
+
+    paths = draw_all([named(text) for text in HOSTILE], tmp_path, predict)
+    assert len(set(paths)) == len(paths) == 2 * (len(NAMES) * len(HOSTILE) + 1)
+    for path in paths:
+        assert re.fullmatch(r"[A-Za-z0-9._-]{1,80}", path.name)
+        if path.suffix == ".svg":
+            text = path.read_text(encoding="utf-8")
+            assert "<script" not in text
+            assert "\u202e" not in text
+            ElementTree.fromstring(text)
+
+
+def test_many_channels_draw_three_and_the_spectrum(analyzer_scan, tmp_path, predict):
+    fits = [replace(analyzer_scan, channel=f"{w} nm", wavelength_nm=float(w)) for w in range(400, 530, 10)]
+    names = {p.stem for p in draw_all(fits, tmp_path, predict)}
+    assert names == {f"{n}-{w}nm" for n in NAMES for w in (400, 460, 520)} | {"spectrum"}
+
+
+def figures(fit, predict):
+    yield draw_fit(fit, predict)
+    for draw in (
+        draw_residuals,
+        draw_corner,
+        draw_trace,
+        draw_autocorrelation,
+        draw_rank,
+        draw_prior_posterior,
+    ):
+        yield draw(fit)
+    yield draw_schlick(fit)
+    yield draw_spectrum([fit] * 3)
+
+
+@pytest.mark.parametrize("name", FITS)
+def test_axis_labels_carry_units(name, request, predict):
+    for figure in figures(request.getfixturevalue(name), predict):
+        labels = [t for ax in figure.axes for t in (ax.get_xlabel(), ax.get_ylabel()) if t]
+        assert labels
+        for text in labels:
+            assert UNIT.search(text.replace("\n", " ")), text
+
+
+@pytest.mark.parametrize("name", FITS)
+def test_no_text_leaves_the_picture_or_covers_other_text(name, request, predict):
+    for figure in figures(request.getfixturevalue(name), predict):
+        figure.draw_without_rendering()
+        frame = figure.bbox
+        texts = [ax.xaxis.label for ax in figure.axes] + [ax.yaxis.label for ax in figure.axes]
+        texts += [ax.title for ax in figure.axes] + [t for ax in figure.axes for t in ax.texts] + figure.texts
+        for ax in figure.axes:
+            texts += ax.get_legend().get_texts() if ax.get_legend() else []
+        boxes = [(t.get_text(), t.get_window_extent()) for t in texts if t.get_visible() and t.get_text()]
+        for i, (text, box) in enumerate(boxes):
+            assert box.x0 >= frame.x0 - 1 and box.x1 <= frame.x1 + 1, text
+            assert box.y0 >= frame.y0 - 1 and box.y1 <= frame.y1 + 1, text
+            for other, second in boxes[:i]:
+                assert not box.shrunk(0.98).overlaps(second.shrunk(0.98)), (text, other)
+
+
+def test_a_user_style_changes_nothing_and_is_left_alone(glass, tmp_path):
+    import matplotlib
+
+    plain = save(draw_rank(glass), tmp_path, "plain")
+    with matplotlib.rc_context({"font.size": 30.0, "axes.facecolor": "black"}):
+        loud = save(draw_rank(glass), tmp_path, "loud")
+        assert matplotlib.rcParams["font.size"] == 30.0
+    assert plain[0].read_bytes() == loud[0].read_bytes()
+
+
+def test_a_failed_picture_leaves_nothing_behind(glass, tmp_path, monkeypatch):
+    monkeypatch.setattr("os.replace", lambda *_: (_ for _ in ()).throw(OSError("disk")))
+    with pytest.raises(OSError, match="disk"):
+        save(draw_autocorrelation(glass), tmp_path, "picture")
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_band_holds_the_curve_and_is_as_narrow_as_the_data_make_it(glass, predict):
+    """A draw's own gain, not the optimum's: else a 1 % error of eta would be 5 % of signal."""
+    model = Model(glass, predict)
+    (panel,) = panels(glass.observations)
+    for series in panel.series:
+        curve = model.curve(panel, series)
+        middle = (curve.x > 20) & (curve.x < 85)
+        assert np.all(curve.band[0][middle] <= curve.best[middle] + 0.002)
+        assert np.all(curve.band[3][middle] >= curve.best[middle] - 0.002)
+    curve = model.curve(panel, panel.series[0])
+    at = np.argmin(np.abs(curve.x - 60))
+    assert (curve.band[3] - curve.band[0])[at] / curve.best[at] < 0.03
+
+
+def test_turn_takes_the_short_way_and_keeps_half_turns():
+    np.testing.assert_allclose(turn(np.array([359.0, -359.0, 180.0, -180.0, 10.0])), [-1, 1, 180, -180, 10])
+
+
+def test_what_was_scanned_is_the_abscissa(analyzer_scan, photographs):
+    assert [p.abscissa for p in panels(analyzer_scan.observations)] == ["analyzer_deg"]
+    (panel,) = panels(photographs.observations)
+    assert panel.abscissa == "theta_deg"
+    assert [s.label for s in panel.series] == [f"analyzer {a}°" for a in (0, 45, 90, 135)]
+
+
+def test_short_runs_and_unknown_angles_draw(gold, predict, tmp_path):
+    nothing = np.array([np.nan, np.nan])
+    posterior = replace(gold.posterior, tau_steps=np.array([50.0, 100.0]), tau=nothing, ess={})
+    blank = replace(gold.intervals["eta"], median=None, sd=None, ci68=None, status="not_identified")
+    intervals = {"eta": blank, "k": blank, "brewster_deg": blank}
+    fit = replace(gold, posterior=posterior, intervals=intervals, estimated_sigma={"psi_deg": 0.3})
+    draw_all([fit, fit, fit], tmp_path, predict)
+    assert (tmp_path / "fit-550nm-3.png").exists()
