@@ -95,16 +95,20 @@ def show(
 
     if (name is None) == (file is None):
         raise click.UsageError("give a built-in NAME or --file, one of the two")
+    entry = None
     if file is not None:
         constants = load_optical_constants(file, relative_to="air" if relative_to == "air" else "vacuum")
-        click.echo(constants.name)
     else:
         entry = library.entry(name or "")
         constants = library.get(entry.name)
-        click.echo(f"{entry.name} ({entry.kind})")
+    # Before anything is printed: a wavelength may be one the source does not cover.
+    values = _values(constants, wavelength_nm or _covered(constants, DEFAULT_NM))
+
+    click.echo(f"{constants.name} ({entry.kind})" if entry else constants.name)
+    if entry:
         click.echo(f"Spread of eta between published tables: {entry.spread:.1%}")
-        if entry.note:
-            click.echo(f"Note: {entry.note}")
+    if entry and entry.note:
+        click.echo(f"Note: {entry.note}")
     low, high = constants.range_nm
     click.echo(f"Range: {low:g} to {high:g} nm")
     click.echo(f"Source: {constants.source or 'not stated'}")
@@ -112,7 +116,7 @@ def show(
         click.echo(f"Comments: {constants.comments}")
     if not constants.k_known:
         click.echo("k is not in the source and is taken as 0.")
-    _print(_values(constants, wavelength_nm or _covered(constants, DEFAULT_NM)))
+    _print(values)
     click.echo("The Brewster angle is that of the smallest R_p, seen from air.")
     if output is not None:
         from reflectance_fit.plot.material import plot_optical_constants

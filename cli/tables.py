@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from reflectance_fit.cli.options import is_quiet
+from reflectance_fit.data_synthetic.example import Truth
 from reflectance_fit.report.schema import Estimate, Report, SchlickError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
 
 
 def print_result(report: Report, folder: Path) -> None:
     """A line a channel with eta, k and Brewster angle, then the warnings and where the files are."""
-    from rich.console import Console
-    from rich.table import Table
     from rich.text import Text
 
     if is_quiet():
         return
-    table = Table(title=Text(report.sample.name), box=None, pad_edge=False, title_justify="left")
-    for heading in ("channel", "eta", "k", "Brewster angle (deg)", "model", "reduced chi2"):
-        table.add_column(heading)
+    table = _table(report.sample.name)
+    for heading in ("channel", "eta", "k", "Brewster (deg)", "model", "red. chi2"):
+        table.add_column(heading, no_wrap=True)
     for channel in report.channels:
         quality = report.fits[channel.fit]
         reduced = quality.fit.reduced_chi2
@@ -32,12 +37,48 @@ def print_result(report: Report, folder: Path) -> None:
             quality.model.name,
             "-" if reduced is None else f"{reduced:.2f}",
         )
-    console = Console(soft_wrap=True)
+    console = _console()
     console.print(table)
     for warning in report.warnings:
         where = f" ({warning.channel})" if warning.channel else ""
         console.print(Text(f"{warning.code}{where}: {warning.message}"), style="yellow")
     click.echo(f"wrote {folder / 'report.yaml'}")
+
+
+def print_recovered(results: Sequence[tuple[str, Report, Truth]], folder: Path) -> None:
+    """Recovered against true for each example, in units of the recovered sd."""
+    if is_quiet():
+        return
+    table = _table("recovered against true")
+    for heading in ("material", "quantity", "true", "recovered", "off by"):
+        table.add_column(heading, no_wrap=True)
+    for material, report, truth in results:
+        channel = report.channels[0]
+        for name, true, found in (
+            ("eta", truth.eta, channel.eta),
+            ("k", truth.k, channel.k),
+            (channel.brewster_deg.kind.replace("_", "-") + " (deg)", truth.brewster_deg, channel.brewster_deg),
+        ):
+            off = "-" if found.median is None or not found.sd else f"{(found.median - true) / found.sd:+.1f} sd"
+            table.add_row(material, name, f"{true:.4f}", in_words(found), off)
+    _console().print(table)
+    for material, _, _ in results:
+        click.echo(f"wrote {folder / material / 'result'}")
+
+
+def _table(title: str) -> Table:
+    from rich.table import Table
+    from rich.text import Text
+
+    return Table(title=Text(title), box=None, pad_edge=False, title_justify="left")
+
+
+def _console() -> Console:
+    """Standard output; wide where it is no terminal, so that nothing is cut or wrapped."""
+    from rich.console import Console
+
+    console = Console(soft_wrap=True)
+    return console if console.is_terminal else Console(soft_wrap=True, width=200)
 
 
 def in_words(value: Estimate) -> str:
@@ -62,11 +103,7 @@ def plus_minus(value: float, sd: float) -> str:
 
 def print_approximations(title: str, errors: SchlickError) -> None:
     """Every approximation against exact, one line each."""
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(title=Text(title), box=None, pad_edge=False, title_justify="left")
+    table = _table(title)
     table.add_column("approximation")
     for heading in ("max |error|", "at (deg)", "max relative", "RMS", "albedo", "ns a value"):
         table.add_column(heading, justify="right")
@@ -75,9 +112,13 @@ def print_approximations(title: str, errors: SchlickError) -> None:
             row.name,
             f"{row.max_abs_error:.4f}",
             f"{row.at_deg:.1f}",
-            f"{100 * row.max_rel_error:.1f} %",
+            _percent(row.max_rel_error, '.1f'),
             f"{row.rms_error:.4f}",
-            f"{100 * row.albedo_error:+.1f} %",
+            _percent(row.albedo_error, '+.1f'),
             "-" if row.ns_per_eval is None else f"{row.ns_per_eval:.1f}",
         )
-    Console(soft_wrap=True).print(table)
+    _console().print(table)
+
+
+def _percent(share: float | None, form: str) -> str:
+    return "infinite" if share is None else f"{100 * share:{form}} %"

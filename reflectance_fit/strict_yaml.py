@@ -218,7 +218,7 @@ def validate(document: Document, model: type[Model]) -> Model:
 
 def _follows(item: Any) -> bool:
     """Whether a list is called too short only because items of it are wrong: those have their own lines."""
-    return item["type"] == "too_short" and len(item["input"]) >= item["ctx"]["min_length"]
+    return bool(item["type"] == "too_short" and len(item["input"]) >= item["ctx"]["min_length"])
 
 
 def _problem(document: Document, model: type[BaseModel], item: Any) -> Problem:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
+from reflectance_fit.data_synthetic.example import Truth, copy_example
 from reflectance_fit.errors import ReflectanceFitError
 from reflectance_fit.fit.forward import predictor
 from reflectance_fit.fit.run import MODELS, fit_channel
@@ -143,6 +144,36 @@ def fit_to_folder(
     result = fit(measurement, model=model, seed=seed, timings=timings, progress=progress)
     result.write(folder, plots=plots, progress=drawing)
     return result
+
+
+def demo(
+    folder: Path,
+    materials: Sequence[str],
+    *,
+    seed: int,
+    plots: bool,
+    progress: Progress,
+    drawing: Callable[[str], None],
+) -> Iterator[tuple[str, Report, Truth]]:
+    """Fit the shipped example of each material; yields its report beside the truth.
+
+    Writes DIR/MATERIAL/measurement/ (the example's files) and DIR/MATERIAL/result/.
+    """
+    check_writable(folder)
+    for material in materials:
+        here = folder / material
+        truth = copy_example(material, here / "measurement")
+        result = fit_to_folder(
+            here / "measurement" / "measurement.yaml",
+            here / "result",
+            model="auto",
+            seed=seed,
+            plots=plots,
+            timings=True,
+            progress=progress,
+            drawing=drawing,
+        )
+        yield material, result.report, truth
 
 
 def json_schema(name: str) -> dict[str, Any]:

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.errors import Problem, ReflectanceFitError
-from reflectance_fit.priors import NUISANCES
 from reflectance_fit.measurement.keys import SIGMAS, WAVELENGTHS_NM
 from reflectance_fit.measurement.manifest import NuisanceEntry
 from reflectance_fit.measurement.tables import MAX_PROBLEMS, Columns
 from reflectance_fit.observations import FloatArray, Observations, Quantity
+from reflectance_fit.priors import NUISANCES
 from reflectance_fit.strict_yaml import Document
 
 DARK_FRACTION = 0.01  # of the largest signal: the default sigma of dark_offset

@@ -17,8 +17,8 @@ from pydantic import (
 )
 
 from reflectance_fit.errors import suggestion
-from reflectance_fit.priors import NUISANCES
 from reflectance_fit.observations import Quantity
+from reflectance_fit.priors import NUISANCES
 
 COORDINATES = ("theta_deg", "wavelength_nm", "analyzer_deg", "retarder_deg", "retardance_deg")
 QUANTITIES = tuple(str(quantity) for quantity in Quantity)

@@ -16,7 +16,6 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field, model_validator
 
 from reflectance_fit.errors import Problem, ReflectanceFitError
-from reflectance_fit.priors import NUISANCES
 from reflectance_fit.measurement.keys import (
     COORDINATES,
     QUANTITIES,
@@ -36,6 +35,7 @@ from reflectance_fit.measurement.keys import (
     Wavelengths,
     known_keys,
 )
+from reflectance_fit.priors import NUISANCES
 from reflectance_fit.strict_yaml import Document, load, validate
 
 SCHEMA = "reflectance_fit/measurement/1"

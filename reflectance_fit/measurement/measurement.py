@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from reflectance_fit.priors import Prior
 from reflectance_fit.observations import Observations
+from reflectance_fit.priors import Prior
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.errors import Problem, ReflectanceFitError
-from reflectance_fit.priors import ETA_PRIOR, K_PRIOR, Prior
 from reflectance_fit.measurement.checks import check_values, nuisance_sigmas
 from reflectance_fit.measurement.keys import QUANTITIES
 from reflectance_fit.measurement.manifest import Light, Manifest, PriorRange, read_manifest
@@ -24,6 +23,7 @@ from reflectance_fit.measurement.measurement import Measurement
 from reflectance_fit.measurement.tables import Columns, open_table, read_columns
 from reflectance_fit.measurement.woollam import read_woollam
 from reflectance_fit.observations import Flag, FloatArray, Observations, Quantity, concatenate
+from reflectance_fit.priors import ETA_PRIOR, K_PRIOR, Prior
 from reflectance_fit.strict_yaml import Document
 
 WAVELENGTH_REACH_NM = 2.0

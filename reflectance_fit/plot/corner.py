@@ -32,13 +32,13 @@ def draw_corner(fit: Fit) -> Figure:
 
     names = varied(fit.posterior)
     draws = np.stack([fit.posterior.flat(n) for n in names], axis=1)
-    size = max(3.4, 1.55 * len(names) + 0.7)
+    size = max(3.4, 1.5 * len(names) + 1.0)
     figure = Figure(figsize=(size, size))
     FigureCanvasAgg(figure)
     corner(
         style.thin(draws, POINTS),
         fig=figure,
-        labels=[label(n) for n in names],
+        labels=[label(n).replace(" (", "\n(") for n in names],
         color=style.POSTERIOR,
         bins=28,
         smooth=1.2,
@@ -54,7 +54,7 @@ def draw_corner(fit: Fit) -> Figure:
         quiet=True,
     )
     axes = np.array(figure.axes).reshape(len(names), len(names))
-    figure.subplots_adjust(left=0.75 / size, bottom=0.8 / size, right=1 - 0.2 / size, top=1 - 0.65 / size)
+    figure.subplots_adjust(left=0.95 / size, bottom=0.9 / size, right=1 - 0.2 / size, top=1 - 0.65 / size)
     for i in range(len(names)):
         low, middle, high = np.percentile(draws[:, i], (2.5, 50, 97.5))
         axes[i, i].axvspan(low, high, color=style.POSTERIOR, alpha=0.12, linewidth=0)

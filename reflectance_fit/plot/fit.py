@@ -117,7 +117,7 @@ def _brewster(ax: Axes, fit: Fit, named: bool) -> None:
         return
     left, right = ax.get_xlim()
     if angle.ci95 is not None:
-        ax.axvspan(*angle.ci95, color=style.QUIET, alpha=0.25, linewidth=0, zorder=0.5)
+        ax.axvspan(*angle.ci95, color=style.QUIET, alpha=0.35, linewidth=0, zorder=0.5)
     ax.axvline(angle.median, color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)), zorder=0.6)
     ax.set_xlim(left, right)
     if named:

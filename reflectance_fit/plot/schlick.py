@@ -57,8 +57,8 @@ def draw_schlick(fit: Fit) -> Figure:
     lowest = float(np.min(low))
     floor = lowest - 0.25 * (1 - lowest) if lowest > 0.5 else 0.0
     above.set(ylabel="reflectance (fraction)", ylim=(floor, 1.02))
-    below.set(ylabel="approximation − exact\n(fraction)", xlabel=THETA, xlim=(0, 90), xticks=range(0, 91, 15))
+    below.set(ylabel="error (fraction)", xlabel=THETA, xlim=(0, 90), xticks=range(0, 91, 10))
     style.side_legend(above)
-    style.side_legend(below, title="largest error", alignment="left", title_fontsize=8.0)
+    style.side_legend(below, title="approximation − exact, largest:", alignment="left", title_fontsize=8.0)
     figure.align_ylabels()
     return figure

@@ -16,6 +16,7 @@ from reflectance_fit.result import Fit, Interval
 
 PACKAGES = ("numpy", "scipy", "numba", "nlopt", "emcee", "arviz-stats")
 _WRONG_MODEL_P = 0.001
+_BEYOND_DEG = 5.0  # of extrapolation before ANGLE_RANGE is said
 
 
 def build_report(
@@ -169,7 +170,7 @@ def _warnings(fit: Fit) -> list[tuple[str, str]]:
         )
     angle = fit.intervals["brewster_deg"].median
     low, high = fit.observations.theta_deg.min(), fit.observations.theta_deg.max()
-    if angle is not None and not low <= angle <= high:
+    if angle is not None and not low - _BEYOND_DEG <= angle <= high + _BEYOND_DEG:
         found.append(
             (
                 "ANGLE_RANGE",

@@ -84,9 +84,9 @@ def test_yaml(tmp_path, old, new, expected):
 
 
 def test_merge_bomb_is_refused_at_once(tmp_path):
-    bomb = "a0: &a0 {x: 1}\n" + "".join(
-        f"a{i}: &a{i} {{<<: [{'*a%d, ' % (i - 1) * 9}]}}\n" for i in range(1, 30)
-    )
+    bomb = "a0: &a0 {x: 1}\n"
+    for i in range(1, 30):
+        bomb += f"a{i}: &a{i} {{<<: [{f'*a{i - 1}, ' * 9}]}}\n"
     found = lines(tmp_path, YAML + bomb)
     assert len(found) == 20
     assert found[0].startswith("Error: m.yaml:13: anchors")
@@ -134,10 +134,8 @@ def test_paths_that_lead_outside(tmp_path, name):
     folder.mkdir()
     (folder / "link.csv").symlink_to(tmp_path / "t.csv")
     (folder / "linked").symlink_to(tmp_path)
-    assert lines(folder, with_file(name)) == [
-        f"Error: m.yaml:6: '{name}' leads outside the folder of m.yaml; copy the file there and name it by its"
-        " path from there"
-    ]
+    (line,) = lines(folder, with_file(name))
+    assert line.startswith(f"Error: m.yaml:6: '{name}' leads outside the folder of m.yaml; copy the file")
 
 
 def test_a_link_inside_the_folder_is_fine(tmp_path):
@@ -205,15 +203,17 @@ def outcome(folder: Path, yaml: bytes, rows: bytes) -> None:
             assert line.isprintable()
 
 
+NASTY = [
+    *"[]{}:?-#,;|>&*!%@`'\"\t\r\x0c\u2028\ud7ffé",
+    *["null", "true", ".nan", "-1", "1e999", "0x10", "0o7", "<<", "9e9"],
+]
+
+
 @st.composite
 def mutated(draw: st.DrawFn, text: str) -> bytes:
     """``text`` with up to four pieces cut, doubled, or overwritten by what tends to hurt."""
     raw = text.encode()
-    nasty = st.sampled_from(
-        "null true .nan -1 1e999 0x10 0o7 [] {} '' \" : ? - # , ; | > & * ! % @ ` << \t \r \x0c \u2028 \ud7ff é 9e9".split(
-            " "
-        )
-    ).map(str.encode)
+    nasty = st.sampled_from(NASTY).map(str.encode)
     for _ in range(draw(st.integers(1, 4))):
         start = draw(st.integers(0, len(raw)))
         end = min(len(raw), start + draw(st.integers(0, 20)))
