@@ -22,7 +22,12 @@ def draw_trace(fit: Fit) -> Figure:
     posterior = fit.posterior
     moving = [i for i in range(len(posterior.names)) if np.ptp(posterior.trace[:, :, i]) > 0]
     figure, axes = style.grid(
-        len(moving), panel_height=1.35, left=0.95, top=0.52, gap=(0.18, 0.0), share_x=True
+        len(moving),
+        panel_height=1.35 if len(moving) <= 4 else 1.0,
+        left=0.95,
+        top=0.52,
+        gap=(0.18, 0.0),
+        share_x=True,
     )
     style.heading(figure, f"{subject(fit)}: mean over walkers, burn-in shaded")
     steps = style.thin(np.arange(1.0, posterior.trace.shape[1] + 1), TRACE_POINTS)

@@ -45,6 +45,8 @@ def draw_corner(fit: Fit) -> Figure:
         range=[0.998] * len(names),
         levels=(0.68, 0.95),
         plot_density=False,
+        # Each panel's points are a picture of their own; with many panels the file would be megabytes.
+        plot_datapoints=len(names) <= 4,
         fill_contours=True,
         max_n_ticks=3,
         data_kwargs={"alpha": 0.15, "ms": 1.5},

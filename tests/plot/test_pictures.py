@@ -25,7 +25,7 @@ from reflectance_fit.plot.style import save
 
 FITS = ["glass", "gold", "photographs", "analyzer_scan", "everything"]
 NAMES = ["fit", "residuals", "corner", "trace", "autocorrelation", "rank", "prior_posterior", "schlick"]
-HOSTILE = ["a$x_{$b<script>alert(1)</script>", "re\u202edrawer\nline", "x" * 500, "_\\frac{$日本"]
+HOSTILE = ["_a$x_{$<script>alert(1)</script>", "re\u202edrawer\nline", "\\frac{$日本" + "x" * 500]
 UNIT = re.compile(r"\((deg|fraction|ratio|a\.u\.|nm|steps|iterations|σ)\)|density|^(η|k)\b|$^")
 
 

@@ -27,7 +27,7 @@ def test_every_row_is_reproduced():
     cosine, _ = cos_sin_deg(column["theta_deg"])
     r_s, r_p = amplitudes(cosine, column["n"], column["k"])
     power = reflectances(cosine, column["n"], column["k"])
-    # 15 printed digits of numbers of order 1; 90 degrees in the file is a float short of it.
+    # The file prints 15 digits of numbers of order 1.
     ours = {
         "Rs": power.s,
         "Rp": power.p,

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.fit.forward import ETA, FIRST_NUISANCE, FIRST_SIGMA, K, neutral_vector
+from reflectance_fit.inference.forward import ETA, FIRST_NUISANCE, FIRST_SIGMA, K, neutral_vector
 from reflectance_fit.priors import NUISANCES, Prior
-from reflectance_fit.fit.rows import LAST_POWER, Rows
+from reflectance_fit.inference.rows import LAST_POWER, Rows
 
 FloatArray = NDArray[np.float64]
 

@@ -8,12 +8,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.fit import optimize
-from reflectance_fit.fit.forward import ETA, FIRST_SIGMA, K, predict_vectors
-from reflectance_fit.fit.likelihood import deviances, evaluate
-from reflectance_fit.fit.models import Model
+from reflectance_fit.inference import optimize
+from reflectance_fit.inference.forward import ETA, FIRST_SIGMA, K, predict_vectors
+from reflectance_fit.inference.likelihood import deviances, evaluate
+from reflectance_fit.inference.models import Model
 from reflectance_fit.result import Optimum
-from reflectance_fit.fit.rows import CODES, Rows
+from reflectance_fit.inference.rows import CODES, Rows
 from reflectance_fit.observations import Quantity
 
 FloatArray = NDArray[np.float64]

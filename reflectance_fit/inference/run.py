@@ -7,13 +7,13 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.fit import models, posterior, search
-from reflectance_fit.fit.derived import derived_draws
-from reflectance_fit.fit.identify import interval
-from reflectance_fit.fit.optimize import Basin
+from reflectance_fit.inference import models, posterior, search
+from reflectance_fit.inference.derived import derived_draws
+from reflectance_fit.inference.identify import interval
+from reflectance_fit.inference.optimize import Basin
 from reflectance_fit.priors import Prior
 from reflectance_fit.result import Candidate, Fit, Interval, Optimum, Posterior
-from reflectance_fit.fit.rows import Rows, estimated_names, gain_names, pack
+from reflectance_fit.inference.rows import Rows, estimated_names, gain_names, pack
 from reflectance_fit.observations import Flag, Observations
 
 FloatArray = NDArray[np.float64]

@@ -14,10 +14,10 @@ import emcee
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.fit.likelihood import log_likelihoods
-from reflectance_fit.fit.models import Model
+from reflectance_fit.inference.likelihood import log_likelihoods
+from reflectance_fit.inference.models import Model
 from reflectance_fit.result import Posterior
-from reflectance_fit.fit.rows import Rows
+from reflectance_fit.inference.rows import Rows
 
 FloatArray = NDArray[np.float64]
 

@@ -26,8 +26,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.fit.forward import FIRST_SIGMA, at_angle, background, incidence
-from reflectance_fit.fit.rows import CODES, Rows
+from reflectance_fit.inference.forward import FIRST_SIGMA, at_angle, background, incidence
+from reflectance_fit.inference.rows import CODES, Rows
 from reflectance_fit.observations import Quantity
 from reflectance_fit.physics.jit import kernel
 

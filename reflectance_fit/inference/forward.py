@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.priors import NUISANCES
-from reflectance_fit.fit.rows import CODES, LAST_POWER, Rows, gain_names, pack
+from reflectance_fit.inference.rows import CODES, LAST_POWER, Rows, gain_names, pack
 from reflectance_fit.observations import Observations, Quantity
 from reflectance_fit.physics.jit import inlined, kernel
 from reflectance_fit.physics.kernels import analyzer_signal, interface

@@ -1,1 +1,0 @@
-from reflectance_fit.priors import *  # noqa: F403 temporary

@@ -1,1 +1,0 @@
-from reflectance_fit.result import *  # noqa: F403 temporary
