@@ -15,7 +15,7 @@ from pydantic import BaseModel
 
 from reflectance_fit.data_synthetic.example import Truth, copy_example
 from reflectance_fit.errors import ReflectanceFitError
-from reflectance_fit.inference.forward import predictor
+from reflectance_fit.inference.predict import predictor
 from reflectance_fit.inference.run import MODELS, fit_channel
 from reflectance_fit.material import Material
 from reflectance_fit.materials import library

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.priors import NUISANCES
-from reflectance_fit.inference.rows import CODES, LAST_POWER, Rows, gain_names, pack
-from reflectance_fit.observations import Observations, Quantity
+from reflectance_fit.inference.rows import CODES, LAST_POWER, Rows
+from reflectance_fit.observations import Quantity
 from reflectance_fit.physics.jit import inlined, kernel
 from reflectance_fit.physics.kernels import analyzer_signal, interface
-from reflectance_fit.result import Fit
 
 FloatArray = NDArray[np.float64]
 
@@ -97,34 +95,3 @@ def predict_vectors(rows: Rows, vectors: FloatArray, gains: FloatArray) -> Float
 def neutral_vector(estimated: int = 0) -> FloatArray:
     """A full parameter vector whose nuisances change nothing; eta 1.5, k 0, sigmas 1."""
     return np.array([1.5, 0.0, *(n.neutral for n in NUISANCES.values()), *([0.0] * estimated)])
-
-
-def predictor(fit: Fit) -> Callable[..., FloatArray]:
-    """A function that evaluates ``fit``'s model on any rows, for plots.
-
-    It takes (observations, eta, k, nuisances, gains): eta, k and each nuisance
-    of shape (D,), missing nuisances neutral, ``gains`` by gain group, None for
-    the optimum's.  It returns model values in each row's unit, shape (D, N).
-    """
-    measured = pack(fit.observations, fit.exterior_ior)
-    largest = dict(zip(map(str, fit.observations.gain_group), measured.largest, strict=True))
-
-    def predict(
-        observations: Observations,
-        eta: FloatArray,
-        k: FloatArray,
-        nuisances: Mapping[str, FloatArray],
-        gains: Mapping[str, float] | None,
-    ) -> FloatArray:
-        scale = np.array([largest[str(group)] for group in observations.gain_group])
-        rows = pack(observations, fit.exterior_ior)._replace(largest=scale)
-        vectors = np.tile(neutral_vector(), (len(eta), 1))
-        vectors[:, ETA], vectors[:, K] = eta, k
-        for name, values in nuisances.items():
-            vectors[:, FIRST_NUISANCE + NUISANCES[name].index] = values
-        known = fit.optimum.gains if gains is None else gains
-        return np.asarray(
-            predict_vectors(rows, vectors, np.array([known[name] for name in gain_names(observations)]))
-        )
-
-    return predict

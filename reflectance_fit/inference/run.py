@@ -77,7 +77,7 @@ def fit_channel(
         intervals=_intervals(built[chosen], samples, k_samples, priors, derived),
         derived=derived,
         estimated_sigma={q: optima[chosen].parameters[f"sigma[{q}]"] for q in estimated},
-        priors=dict(zip(built[chosen].names, built[chosen].priors, strict=True)),
+        priors={**priors, **dict(zip(built[chosen].names, built[chosen].priors, strict=True))},
         saturated=saturated,
     )
 

@@ -37,10 +37,10 @@ class ApproximationError:
     Relative errors are fractions: 0.23 is 23 percent.
     """
 
-    max_abs_error: float  # the largest \\|approximation - exact\\|
+    max_abs_error: float  # the largest |approximation - exact|
     error: float  # the same with its sign
     at_deg: float  # where
-    max_rel_error: float  # the largest \\|approximation - exact\\| / exact; inf where exact is 0
+    max_rel_error: float  # the largest |approximation - exact| / exact; inf where exact is 0
     max_rel_at_deg: float  # where
     rms_error: float  # root mean square over theta, uniform
     albedo_error: float  # of the hemispherical albedo 2 int F(c) c dc, relative and signed

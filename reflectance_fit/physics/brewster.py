@@ -1,6 +1,6 @@
 """The special angles of an interface, in radians from the normal.
 
-All of them are written as tan^2(theta) = \\|eps\\| / z with eps = (eta + ik)^2.  A
+All of them are written as tan^2(theta) = |eps| / z with eps = (eta + ik)^2.  A
 transparent medium has z = 1 for Brewster's angle; absorption splits it into
 three, and z = 1 + y turns each condition into one without cancellation, so a
 tiny k costs no digits.  Each angle is then a root that a short argument
@@ -18,10 +18,10 @@ from reflectance_fit.physics.domain import checked_index
 
 Floats = NDArray[np.float64]
 
-# Azzam, J. Opt. Soc. Am. A 27 (2010): the second-Brewster angle is never further than 15.701 degrees above.
+# Alsamman & Azzam (2010): the second-Brewster angle is never more than 15.701 degrees above the first.
 _SECOND_BREWSTER_REACH = np.radians(16.0)
 _NEWTON_STEPS = 8
-# Only 1 + y reaches the angle, and every bracket is shorter than 2: 56 halvings leave less than an ulp.
+# Every bracket is shorter than 2: 56 halvings leave less than an ulp of 1.
 _HALVINGS = 56
 
 
@@ -46,7 +46,7 @@ def brewster_angle(eta: ArrayLike, k: ArrayLike = 0.0) -> Floats:
     Notes
     -----
     Azzam & Ugbo, Appl. Opt. 28 (1989) 5222, as a cubic in u = sin^2:
-    2 (\\|e\\|^2 + Re e) u^3 + \\|e\\|^2 (\\|e\\|^2 - 3) u^2 - 2 \\|e\\|^4 u + \\|e\\|^4 = 0.  Only
+    2 (|e|^2 + Re e) u^3 + |e|^2 (|e|^2 - 3) u^2 - 2 |e|^4 u + |e|^4 = 0.  Only
     moduli and Re e enter, so the sign of i does not matter.
 
     Examples
@@ -64,7 +64,7 @@ def second_brewster_angle(eta: ArrayLike, k: ArrayLike = 0.0) -> Floats:
 
     Notes
     -----
-    Azzam, J. Opt. Soc. Am. A 27 (2010).  With t = x (e (1 + x) - 1), x = cot^2(theta), the
+    Alsamman & Azzam, J. Opt. Soc. Am. A 27 (2010) 1156.  With t = x (e (1 + x) - 1), x = cot^2(theta), the
     ratio is rho = +-(1 - z)/(1 + z), z^2 = t, and is stationary where Re[t' / (z (1 - t))] = 0.
     Between the pseudo-Brewster angle, where R_p is flat and R_s still grows, and
     16 degrees beyond it the derivative changes sign once.
@@ -76,34 +76,30 @@ def second_brewster_angle(eta: ArrayLike, k: ArrayLike = 0.0) -> Floats:
     """
     eta, k = np.broadcast_arrays(*checked_index(eta, k))
     modulus, sin2 = _scaled(eta, k)
-    start = _pseudo_brewster_shift(modulus, sin2)
-    theta_far = np.minimum(_angle(eta, k, 1.0 + start) + _SECOND_BREWSTER_REACH, np.pi / 2)
-    far = modulus / np.tan(theta_far) ** 2 - 1.0
-    # e / |e| = 1 - turn; formed without that subtraction, because a small k leaves y of order turn^2.
-    index = np.hypot(eta, k)
-    turn = 2.0 * (k / index) * ((k - 1j * eta) / index)
+    start = 1.0 + _pseudo_brewster_shift(modulus, sin2)
+    theta_far = np.minimum(_angle(eta, k, start) + _SECOND_BREWSTER_REACH, np.pi / 2)
+    far = modulus / np.tan(theta_far) ** 2
+    phase = ((eta + 1j * k) / np.hypot(eta, k)) ** 2
 
-    def falls(y: Floats) -> NDArray[np.bool_]:
-        phase = 1.0 - turn
-        one_less_ex = turn - y * phase
+    def falls(z: Floats) -> NDArray[np.bool_]:
         # t = x (e x + e - 1); 1 - t = (1 + x)(1 - e x), and the real 1 + x > 0 drops out.
-        bracket = modulus * phase - one_less_ex
-        derivative = (1.0 + y) * phase + bracket
-        slope: Floats = (derivative * np.conj(np.sqrt(bracket) * one_less_ex)).real
+        ex = z * phase
+        bracket = ex + (modulus * phase - 1.0)
+        slope: Floats = ((ex + bracket) * np.conj(np.sqrt(bracket) * (1.0 - ex))).real
         return slope < 0.0
 
-    y = _bisect(falls, start, far)
-    return _angle(eta, k, 1.0 + np.where(k == 0.0, 0.0, y))
+    return _angle(eta, k, _bisect(falls, start, far))
 
 
 def principal_angle(eta: ArrayLike, k: ArrayLike = 0.0) -> Floats:
     """Largest angle where Delta = 90 degrees; arctan(eta) for k = 0.  Arguments as for `brewster_angle`.
 
-    Where \\|eta + ik\\| is below about 0.42 there can be three such angles.
+    Where |eta + ik| is below 0.44 there can be three such angles (Azzam, J. Opt. Soc.
+    Am. A 25 (2008) 2858), and for a tiny k the largest may belong to total reflection.
 
     Notes
     -----
-    rho = +-(1 - z)/(1 + z) is imaginary where \\|z\\| = 1: u^4 = \\|e - u\\|^2 (1 - u)^2 with
+    rho = +-(1 - z)/(1 + z) is imaginary where |z| = 1: u^4 = |e - u|^2 (1 - u)^2 with
     u = sin^2(theta), a cubic after division by its trivial factor.
 
     Examples
@@ -143,16 +139,16 @@ def critical_angle(eta: ArrayLike) -> Floats:
 
 
 def _scaled(eta: Floats, k: Floats) -> tuple[Floats, Floats]:
-    """\\|eps\\| and sin^2(arg(eps) / 2) = k^2 / (eta^2 + k^2)."""
+    """|eps| and sin^2(arg(eps) / 2) = k^2 / (eta^2 + k^2)."""
     index = np.hypot(eta, k)
     return index**2, (k / index) ** 2
 
 
 def _pseudo_brewster_shift(modulus: Floats, sin2: Floats) -> Floats:
-    """The y of z = 1 + y in Azzam's cubic, y^3 + (3 + \\|eps\\|) y^2 + 2 \\|eps\\| y = 4 sin2; in [0, 1].
+    """The y of z = 1 + y in Azzam's cubic, y^3 + (3 + |eps|) y^2 + 2 |eps| y = 4 sin2; in [0, 1].
 
     All coefficients are positive, so there is one root y >= 0.  The cubic's other
-    root inside (0, 90) degrees, present for \\|eps - 1\\| < 1, has z < 1; there R_p is
+    root inside (0, 90) degrees, present for |eps - 1| < 1, has z < 1; there R_p is
     not stationary (it came in with a squaring).
     """
     # Without y^3 it is a quadratic whose root lies above; from there Newton descends to the root of the
@@ -166,7 +162,7 @@ def _pseudo_brewster_shift(modulus: Floats, sin2: Floats) -> Floats:
 
 
 def _angle(eta: Floats, k: Floats, z: Floats) -> Floats:
-    """arctan sqrt(\\|eps\\| / z)."""
+    """arctan sqrt(|eps| / z)."""
     result: Floats = np.arctan(np.hypot(eta, k) / np.sqrt(z))
     return result[()]
 

@@ -88,8 +88,8 @@ def amplitudes(
     u, v, _ = normal_component(c, s2, eta, k)
     w = np.asarray(u + 1j * v, dtype=np.complex128)
     index = np.asarray(eta + 1j * k, dtype=np.complex128)
-    # c + w = 0 only at grazing incidence on an index match, where the numerator is 0 too.
-    total = np.where(c + w == 0.0, 1.0 + 0.0j, c + w)
+    # c + w vanishes only at grazing incidence on an index match, where index - 1 is 0 too.
+    total = np.where(np.abs(c + w) < _TINY, 1.0 + 0.0j, c + w)
     r_s = -((index - 1.0) / total) * ((index + 1.0) / total)
     numerator, denominator = rho_parts(c, s2, eta, k, w)
     r_p = r_s * (numerator / denominator) / denominator
@@ -135,9 +135,9 @@ def reflectances(
     eta, k = checked_index(eta, k)
     s2 = (1.0 - c) * (1.0 + c)
     u, v, modulus = normal_component(c, s2, eta, k)
-    # The floors act only where c, eta - 1 and k all vanish, or their squares underflow.
+    # The floor acts only where c, eta - 1 and k all vanish, or their squares underflow.  e needs none: see rho_parts.
     d = np.maximum((c + u) ** 2 + v**2, _TINY)
-    e = np.maximum((u * c + s2) ** 2 + (v * c) ** 2, _TINY)
+    e = (u * c + s2) ** 2 + (v * c) ** 2
     transmitted_s = 4.0 * c * u / d
     transmitted_p = transmitted_s * (modulus + s2) / e
     direct_s = (((eta - 1.0) / d) ** 2 + (k / d) ** 2) * ((eta + 1.0) ** 2 + k**2)

@@ -22,9 +22,9 @@ def reflection(r_s: ArrayLike, r_p: ArrayLike) -> Floats:
 
     Notes
     -----
-    Mitsuba 3 documentation, "Polarization", eq. for specular reflection, whose
-    frames and S3 are ours but whose amplitudes are conjugated inside: here
-    C = r_s conj(r_p) = \\|r_s r_p\\| exp(+i Delta), since E_s conj(E_p) = (S2 + i S3) / 2.
+    Mitsuba 3 documentation, "Polarization", section "Fresnel equations", which
+    writes eta - ik inside, so its amplitudes are our conjugates.  C = r_s conj(r_p)
+    = |r_s r_p| exp(+i Delta) turns E_s conj(E_p) = (S2 + i S3) / 2.
     """
     r_s, r_p = np.asarray(r_s, dtype=np.complex128), np.asarray(r_p, dtype=np.complex128)
     power_s, power_p = np.abs(r_s) ** 2, np.abs(r_p) ** 2
@@ -40,7 +40,7 @@ def rotator(angle: ArrayLike) -> Floats:
 
     Notes
     -----
-    Collett, Field Guide to Polarization (2005), "Mueller Matrices for Rotation".
+    Collett, Field Guide to Polarization (2005).
     """
     cos, sin = np.cos(2.0 * np.asarray(angle)), np.sin(2.0 * np.asarray(angle))
     return _matrix([[1, 0, 0, 0], [0, cos, sin, 0], [0, -sin, cos, 0], [0, 0, 0, 1]])
@@ -54,7 +54,7 @@ def polarizer(phi: ArrayLike, diattenuation: ArrayLike = 1.0) -> Floats:
 
     Notes
     -----
-    Collett (2005), "Mueller Matrices for Polarizing Components": diattenuation
+    Collett (2005), with the diattenuation
     D = (T_max - T_min) / (T_max + T_min), scaled to T_max + T_min = 1.
     """
     d = checked_diattenuation(diattenuation)
@@ -73,8 +73,7 @@ def retarder(fast_axis: ArrayLike, retardance: ArrayLike) -> Floats:
     Notes
     -----
     With exp(-i omega t) the slow field gains exp(+i retardance): for slow = p,
-    S2 + i S3 = 2 E_s conj(E_p) turns by -retardance.  Collett (2005) has the
-    other time factor, and the sines exchanged.
+    S2 + i S3 = 2 E_s conj(E_p) turns by -retardance.
     """
     cos, sin = np.cos(np.asarray(retardance)), np.sin(np.asarray(retardance))
     along_s = _matrix([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, cos, sin], [0, 0, -sin, cos]])

@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 
 def normal_component(cos_i: Floats, sin2_i: Floats, eta: Floats, k: Floats) -> tuple[Floats, Floats, Floats]:
-    """Real and imaginary part of w = (eta + ik) cos(theta_t), and \\|w\\|^2.  Trusts its inputs.
+    """Real and imaginary part of w = (eta + ik) cos(theta_t), and |w|^2.  Trusts its inputs.
 
     w^2 = (eta + ik)^2 - sin^2(theta_i), the root with Re w >= 0 and Im w >= 0:
     the transmitted wave leaves the interface and never grows.

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.observations import Observations, Quantity, concatenate
+from reflectance_fit.observations import Observations, Quantity
 from reflectance_fit.plot.series import Panel, Series
 from reflectance_fit.plot.style import thin
 from reflectance_fit.priors import NUISANCES
@@ -22,7 +22,11 @@ BAND = (2.5, 16.0, 84.0, 97.5)
 
 
 class Predict(Protocol):
-    """Model values, shape (D, N), in each row's own unit, gain applied."""
+    """Model values in each row's own unit, shape (D, N), gains re-estimated for each of D draws.
+
+    A draw with a higher index has a lower gain; with the optimum's gain it
+    would miss the data it was accepted for, and bands would be far too wide.
+    """
 
     def __call__(
         self,
@@ -30,7 +34,6 @@ class Predict(Protocol):
         eta: FloatArray,
         k: FloatArray,
         nuisances: dict[str, FloatArray],
-        gains: dict[str, float] | None,
     ) -> FloatArray: ...
 
 
@@ -58,7 +61,6 @@ class Model:
         }
         self._predict = predict
         self._fit = fit
-        self._rescale = self._gain_changes()
 
     def gain(self, rows: Observations) -> FloatArray:
         """The optimum's gain of each row, 1 where the value is absolute."""
@@ -72,17 +74,11 @@ class Model:
         nearest = series.rows[np.argmin(np.abs(x[:, None] - measured), axis=1)]
         scanned: Any = {panel.abscissa: x}
         rows = replace(observations.select(nearest), **scanned)
-        values = self._values(rows) * self._changes(rows) / self.gain(rows)
+        values = self._predict(rows, self._eta, self._k, self._nuisances) / self.gain(rows)
         best = values[0]
         if panel.kind == Quantity.DELTA_DEG:
             values = best + turn(values - best)
         return Curve(x, best, np.percentile(values[1:], BAND, axis=0))
-
-    def _values(self, rows: Observations) -> FloatArray:
-        # Diffuse light is a fraction of the largest signal, which the data rows bring along.
-        known = concatenate([rows, self._fit.observations])
-        values = self._predict(known, self._eta, self._k, self._nuisances, self._fit.optimum.gains)
-        return values[:, : len(rows)]
 
     def _grid(self, abscissa: str, measured: FloatArray) -> FloatArray:
         if abscissa != "theta_deg":
@@ -90,30 +86,6 @@ class Model:
         # The offset is added to every angle: no curve point may leave 0 to 90 degrees.
         offset = self._nuisances.get("angle_offset_deg", np.zeros(1))
         return np.linspace(max(0.0, -offset.min()), 90.0 - max(0.0, offset.max()), POINTS)
-
-    def _gain_changes(self) -> dict[str, FloatArray]:
-        """Per gain group, each draw's gain over the optimum's.
-
-        A draw with a higher index has a lower gain; with the optimum's gain it
-        would miss the data it was accepted for, and the band would be far too wide.
-        """
-        fit = self._fit
-        known = fit.observations.gain_group != ""
-        if not known.any():
-            return {}
-        rows = fit.observations.select(known)
-        weight, values = fit.optimum.sigma[known] ** -2.0, self._values(rows)
-        names, group = np.unique(rows.gain_group, return_inverse=True)
-        order = np.argsort(group, kind="stable")
-        start = np.searchsorted(group[order], np.arange(len(names)))
-        above = np.add.reduceat((weight * rows.value * values)[:, order], start, axis=1)
-        below = np.add.reduceat((weight * values**2)[:, order], start, axis=1)
-        change = above / below
-        return {str(name): change[:, i] / change[0, i] for i, name in enumerate(names)}
-
-    def _changes(self, rows: Observations) -> FloatArray:
-        ones = np.ones(len(self._eta))
-        return np.stack([self._rescale.get(str(group), ones) for group in rows.gain_group], axis=1)
 
 
 def turn(difference: FloatArray) -> FloatArray:

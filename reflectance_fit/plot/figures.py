@@ -26,7 +26,7 @@ MOST_CHANNELS = 12
 def draw_all(
     fits: Sequence[Fit],
     folder: Path,
-    predict: Predict,
+    predictor: Callable[[Fit], Predict],
     *,
     progress: Callable[[str], None] | None = None,
 ) -> list[Path]:
@@ -35,10 +35,11 @@ def draw_all(
     One channel gives ``fit.png``, several give ``fit-CHANNEL.png``.  With more
     than 12 channels only the first, the middle and the last get their own
     pictures.  From 3 channels on, ``spectrum`` shows them all.  ``progress``
-    is called with each picture's name before it is drawn.
+    is called with each picture's name before it is drawn; ``predictor`` gives
+    each fit's model as a function.
     """
     draw: dict[str, Callable[[Fit], Figure]] = {
-        "fit": lambda fit: draw_fit(fit, predict),
+        "fit": lambda fit: draw_fit(fit, predictor(fit)),
         "residuals": draw_residuals,
         "corner": draw_corner,
         "trace": draw_trace,

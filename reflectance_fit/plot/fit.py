@@ -94,6 +94,12 @@ def _curve(ax: Axes, panel: Panel, series: Series, curve: Curve) -> None:
 def _points(ax: Axes, fit: Fit, panel: Panel, series: Series, y: FloatArray, sigma: FloatArray) -> None:
     rows, mine = fit.observations, series.rows
     x = getattr(rows, panel.abscissa)
+    if len(mine) > style.DENSE:
+        # A cloud: its own scatter says what error bars would, and the model stays visible over it.
+        ax.plot(
+            x[mine], y[mine], ".", color=series.colour, alpha=0.25, markersize=2.0, rasterized=True, zorder=1
+        )
+        return
     has_x_error = panel.abscissa == "theta_deg" and bool(np.any(rows.theta_deg_sigma[mine] > 0))
     ax.errorbar(
         x[mine],
@@ -107,7 +113,6 @@ def _points(ax: Axes, fit: Fit, panel: Panel, series: Series, y: FloatArray, sig
         markersize=4.2 if len(mine) <= 60 else 2.5,
         elinewidth=0.8,
         zorder=3,
-        rasterized=len(mine) > style.DENSE,
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from reflectance_fit.plot import style
@@ -76,6 +77,7 @@ def _panel(ax: Axes, values: NDArray[np.float64], prior: Prior | None) -> None:
     ax.set_xlim(*view)
     ax.set_ylim(bottom=0)
     ax.set_yticks([])
+    ax.xaxis.set_major_locator(MaxNLocator(4))
     ax.grid(visible=False)
     ax.spines["left"].set_visible(False)
 

@@ -47,8 +47,8 @@ def draw_residuals(fit: Fit) -> Figure:
                 series.marker,
                 color=series.colour,
                 markeredgecolor="white",
-                markeredgewidth=0.4,
-                markersize=2.5 if dense else 4.5,
+                markeredgewidth=0.0 if dense else 0.4,
+                markersize=1.5 if dense else 4.5,
                 label=series.label,
                 rasterized=dense,
             )

@@ -165,7 +165,12 @@ def interval(draws):
 
 @pytest.fixture(name="predict", scope="session")
 def _predict():
-    return predict
+    def predictor(fit):
+        return lambda observations, eta, k, nuisances: predict(
+            observations, eta, k, nuisances, fit.optimum.gains
+        )
+
+    return predictor
 
 
 @pytest.fixture(scope="session")

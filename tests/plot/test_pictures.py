@@ -78,7 +78,7 @@ def test_many_channels_draw_three_and_the_spectrum(analyzer_scan, tmp_path, pred
 
 
 def figures(fit, predict):
-    yield draw_fit(fit, predict)
+    yield draw_fit(fit, predict(fit))
     for draw in (
         draw_residuals,
         draw_corner,
@@ -132,7 +132,7 @@ def test_a_failed_picture_leaves_nothing_behind(glass, tmp_path, monkeypatch):
 
 def test_the_band_holds_the_curve_and_is_as_narrow_as_the_data_make_it(glass, predict):
     """A draw's own gain, not the optimum's: else a 1 % error of eta would be 5 % of signal."""
-    model = Model(glass, predict)
+    model = Model(glass, predict(glass))
     (panel,) = panels(glass.observations)
     for series in panel.series:
         curve = model.curve(panel, series)
@@ -161,6 +161,6 @@ def test_short_runs_and_unknown_angles_draw(gold, predict, tmp_path):
     blank = replace(gold.intervals["eta"], median=None, sd=None, ci68=None, status="not_identified")
     intervals = {"eta": blank, "k": blank, "brewster_deg": blank}
     fit = replace(gold, posterior=posterior, intervals=intervals, estimated_sigma={"psi_deg": 0.3})
-    for figure in (draw_fit(fit, predict), draw_residuals(fit), draw_autocorrelation(fit), draw_rank(fit)):
+    for figure in (draw_fit(fit, predict(fit)), draw_residuals(fit), draw_autocorrelation(fit), draw_rank(fit)):
         save(figure, tmp_path, "picture")
     save(draw_spectrum([fit] * 3), tmp_path, "spectrum")

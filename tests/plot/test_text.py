@@ -15,6 +15,9 @@ from reflectance_fit.plot.text import label, printable, slugs, with_error
         (1234.0, 20.0, "1234 ± 20"),
         (0.5, 0.0, "0.5"),
         (3.0, 0.096, "3.00 ± 0.10"),
+        (-0.01, 0.3, "0.0 ± 0.3"),
+        (-2.0, 0.3, "−2.0 ± 0.3"),
+        (3.1e-7, 2e-8, "3.1e−07 ± 2e−08"),
     ],
 )
 def test_digits_follow_the_error(value, sd, text):
