@@ -26,7 +26,7 @@ class Problem:
 
     def __str__(self) -> str:
         where = [part for part in (self.file, None if self.line is None else str(self.line)) if part]
-        return _printable(": ".join([":".join(where), self.message] if where else [self.message]))
+        return printable(": ".join([":".join(where), self.message] if where else [self.message]))
 
 
 class ReflectanceFitError(Exception):
@@ -55,6 +55,6 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     return f", did you mean '{near[0]}'?" if near else ""
 
 
-def _printable(text: str) -> str:
-    """Control and bidirectional characters from files must not reach a terminal."""
+def printable(text: str) -> str:
+    """``text`` with control and bidirectional characters from files spelt out: they must not reach a terminal."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)

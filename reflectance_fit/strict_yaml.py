@@ -200,6 +200,8 @@ _PLAIN = {
     "tuple_type": "must be a list ([a, b])",
     "list_type": "must be a list ([a, b])",
     "string_type": "must be text; put it in quotes",
+    "string_too_short": "must not be empty",
+    "string_unicode": "must be text, without half characters (surrogates)",
 }
 
 

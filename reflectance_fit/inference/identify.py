@@ -38,10 +38,10 @@ def interval(draws: FloatArray, prior: Prior | None = None, *, bounded: bool = F
         if prior is not None and limit > UNINFORMED_SHARE * prior.high:
             return Interval(None, None, None, None, "not_identified")
         return Interval(None, None, None, (0.0, limit), "upper_limit")
-    if prior is not None and _share(prior, low95, high95) > UNINFORMED_SHARE:
-        return Interval(None, None, None, (low95, high95), "not_identified")
     modes = _modes(x)
-    status = "multimodal" if len(modes) > 1 else "identified"
+    if not modes and prior is not None and _share(prior, low95, high95) > UNINFORMED_SHARE:
+        return Interval(None, None, None, (low95, high95), "not_identified")
+    status = "multimodal" if modes else "identified"
     return Interval(median, float(x.std()), (low68, high68), (low95, high95), status, modes)
 
 

@@ -30,27 +30,26 @@ MAX_RHAT = 1.01
 STEPS_PER_TAU = 50  # emcee's own rule
 KEPT_DRAWS = 80  # a walker, evenly thinned; more would repeat correlated draws
 _TAU_POINTS = 8
+_TEMPERATURE = 10.0
 
 
 def sample(
     model: Model,
     rows: Rows,
-    starts: list[FloatArray],
+    candidates: FloatArray,
     seed: tuple[int, ...],
     *,
     progress: Callable[[int, int], None] | None = None,
 ) -> Posterior:
     """Sample ``model`` until converged or MAX_STEPS.
 
-    ``starts`` are points of high density, each with its share of the first
-    walkers (several basins: several points, repeated by weight), shape (P,)
-    or clouds (M, P) to draw from.  ``seed`` starts every ensemble's own
-    stream.  ``progress`` is called with (steps done, steps at most).
+    ``candidates``, shape (M, P), are coordinates among which the first walkers
+    are chosen by their density: they should cover every basin and the prior.
+    ``seed`` starts every ensemble's own stream.  ``progress`` is called with
+    (steps done, steps at most).
     """
     dimensions = len(model.names)
     walkers = max(WALKERS, 4 * dimensions)
-    cloud = np.vstack([np.atleast_2d(s) for s in starts])
-
     def log_density(x: FloatArray) -> FloatArray:
         prior = model.log_prior(x)
         inside = np.isfinite(prior)
@@ -58,10 +57,11 @@ def sample(
         out[inside] = prior[inside] + log_likelihoods(rows, model.full(x[inside]))
         return out
 
+    density = log_density(candidates)
     samplers, states = [], []
     for ensemble in range(ENSEMBLES):
         bits = np.random.MT19937(np.random.SeedSequence([*seed, ensemble]))
-        first = _first_walkers(cloud, log_density, walkers, np.random.Generator(bits))
+        first = _first_walkers(candidates, density, walkers, np.random.Generator(bits))
         samplers.append(emcee.EnsembleSampler(walkers, dimensions, log_density, vectorize=True, moves=_moves()))
         states.append(emcee.State(first, random_state=np.random.RandomState(bits).get_state()))
 
@@ -117,16 +117,23 @@ def _moves() -> list[tuple[emcee.moves.Move, float]]:
 
 
 def _first_walkers(
-    cloud: FloatArray,
-    log_density: Callable[[FloatArray], FloatArray],
+    candidates: FloatArray,
+    log_density: FloatArray,
     walkers: int,
     generator: np.random.Generator,
 ) -> FloatArray:
-    """Walkers drawn from ``cloud``, only points that the posterior allows."""
-    allowed = cloud[np.isfinite(log_density(cloud))]
-    if len(allowed) < 2 * walkers:
+    """Walkers drawn from the candidates by their tempered density, no point twice.
+
+    Tempered, so that ensembles start wider than they end; by density, so
+    that a ridge or a second mode gets its share and no walker starts where it
+    would stay stuck.
+    """
+    allowed = np.isfinite(log_density)
+    if allowed.sum() < 2 * walkers:
         raise ValueError("too few of the starting points have a finite posterior")
-    return allowed[generator.choice(len(allowed), walkers, replace=False)]
+    # The largest of log weight + Gumbel noise: weighted sampling without replacement.
+    keys = log_density[allowed] / _TEMPERATURE + generator.gumbel(size=allowed.sum())
+    return candidates[allowed][np.argsort(keys)[-walkers:]]
 
 
 def _diagnose(model: Model, chains: FloatArray) -> tuple[dict[str, float], dict[str, float]]:
@@ -149,5 +156,15 @@ def _tau_curve(chains: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
     """emcee's autocorrelation time, the largest over parameters, against the steps it was taken from."""
     joined = np.concatenate(chains, axis=1)
     steps = np.unique(np.geomspace(50, len(joined), _TAU_POINTS).astype(int))
-    tau = [np.max(emcee.autocorr.integrated_time(joined[:n], quiet=True, tol=0)) for n in steps]
-    return steps.astype(float), np.array(tau)
+    return steps.astype(float), np.array([_tau(joined[:n]) for n in steps])
+
+
+def _tau(chain: FloatArray) -> float:
+    """The largest autocorrelation time, from (step, walker, parameter).
+
+    A walker that never moved has no autocorrelation; while there is one, the
+    chain's own length is the honest lower bound.
+    """
+    if np.any(np.ptp(chain, axis=0) == 0):
+        return float(len(chain))
+    return float(np.max(emcee.autocorr.integrated_time(chain, quiet=True, tol=0)))

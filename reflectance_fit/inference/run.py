@@ -21,7 +21,7 @@ FloatArray = NDArray[np.float64]
 MODELS = ("dielectric", "conductor")
 # Basins whose objective lies this far above the best hold less than 1e-5 of the probability.
 _RIVAL = 24.0
-_CLOUD = 2000
+_PRIOR_POINTS, _BASIN_POINTS = 8192, 2000
 
 Progress = Callable[[str, int, int], None]
 
@@ -54,9 +54,9 @@ def fit_channel(
     chosen, reason = _choose(optima, forced=model != "auto")
 
     def draw(name: str, stream: int) -> Posterior:
-        clouds = _clouds(built[name], rows, found[name][1], np.random.default_rng([*seed, stream]))
+        candidates = _candidates(built[name], rows, found[name][1], np.random.default_rng([*seed, stream]))
         report = (lambda done, most: progress(channel, done, most)) if progress else None
-        return posterior.sample(built[name], rows, clouds, (*seed, stream), progress=report)
+        return posterior.sample(built[name], rows, candidates, (*seed, stream), progress=report)
 
     samples = draw(chosen, 0)
     # k = 0 was chosen because k adds nothing; how large it may be is the conductor's to say.
@@ -92,25 +92,28 @@ def _choose(optima: dict[str, Optimum], *, forced: bool) -> tuple[str, str]:
     return "conductor", f"k > 0 is needed: delta BIC = {-difference:.1f}"
 
 
-def _clouds(
+def _candidates(
     model: models.Model, rows: Rows, basins: list[Basin], generator: np.random.Generator
-) -> list[FloatArray]:
-    """Starting points around every basin that can matter, wider than the posterior.
+) -> FloatArray:
+    """Starting points for a sampler, shape (M, P): the prior's range, and every basin that can matter.
 
-    Covariance from the curvature of the log posterior along each coordinate;
-    widened twice, so that four ensembles start further apart than they end.
+    The range by Sobol points; each basin by normal points twice as wide as the
+    objective is there.
     """
-    rivals = [b for b in basins if b.objective < basins[0].objective + _RIVAL]
+    from scipy.stats import qmc
+
     low, high = model.ranges.T
-    clouds = []
-    for basin in rivals:
-        width = 2 * search.widths(model, rows, basin)
-        points = basin.x + width * generator.standard_normal((_CLOUD, len(basin.x)))
-        # Reflected at the bounds: clipping would put walkers on top of one another.
-        points = np.where(points < low, 2 * low - points, points)
-        points = np.where(points > high, 2 * high - points, points)
-        clouds.append(np.clip(points, low, high))
-    return clouds
+    sobol = qmc.Sobol(len(low), rng=generator).random(_PRIOR_POINTS)
+    points = [low + (high - low) * sobol]
+    for basin in basins:
+        if basin.objective < basins[0].objective + _RIVAL:
+            width = 2 * search.widths(model, rows, basin)
+            near = basin.x + width * generator.standard_normal((_BASIN_POINTS, len(low)))
+            # Reflected at the bounds: clipping would put walkers on top of one another.
+            near = np.where(near < low, 2 * low - near, near)
+            near = np.where(near > high, 2 * high - near, near)
+            points.append(np.clip(near, low, high))
+    return np.vstack(points)
 
 
 def _intervals(

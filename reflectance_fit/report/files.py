@@ -2,65 +2,81 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import secrets
 import shutil
 import tempfile
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from reflectance_fit.errors import Problem, ReflectanceFitError
 
 
-def write_whole(path: Path, fill: Callable[[Path], None]) -> None:
+def write_whole(path: Path, fill: Callable[[Path], object]) -> None:
     """Let ``fill`` write a temporary file beside ``path``, flush it to disk and rename it.
 
     A reader sees the old file or the new one, never part of one.
     """
-    descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    os.close(descriptor)
-    temporary = Path(name)
+    temporary = path.with_name(f".{secrets.token_hex(8)}.unfinished")
     try:
         fill(temporary)
-        with temporary.open("rb+") as file:
-            os.fsync(file.fileno())
-        temporary.chmod(0o644)
+        _flush(temporary)
         temporary.replace(path)
-    except BaseException:
-        with suppress(OSError):
-            temporary.unlink()
-        raise
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
-def replace_folder(path: Path, fill: Callable[[Path], None]) -> None:
-    """As ``write_whole`` for a folder of files; the old folder is gone once the new one stands."""
-    temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+def write_together(
+    folder: Path, fill: Callable[[Path], object], *, last: str, superseded: Iterable[Path] = ()
+) -> None:
+    """Let ``fill`` write files into a temporary folder, then move them all into ``folder``.
+
+    Until every file is complete ``folder`` stays as it was, absent included.
+    ``last`` is moved last: where it stands, the rest does.  Of the files
+    ``superseded`` those that were not written anew are removed; whatever else
+    is in ``folder`` stays.
+    """
+    # On the same file system as the target, so that moving is renaming.
+    stage = Path(tempfile.mkdtemp(prefix=".unfinished.", dir=_nearest_existing(folder)))
     try:
-        fill(temporary)
-        temporary.chmod(0o755)
-        if path.exists():
-            old = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
-            path.rename(old / path.name)
-            temporary.rename(path)
-            shutil.rmtree(old)
-        else:
-            temporary.rename(path)
-    except BaseException:
-        shutil.rmtree(temporary, ignore_errors=True)
-        raise
+        fill(stage)
+        files = sorted((p for p in stage.rglob("*") if p.is_file()), key=lambda p: (p.name == last, p))
+        targets = [folder / path.relative_to(stage) for path in files]
+        for path, target in zip(files, targets, strict=True):
+            _flush(path)
+            if target.is_dir():
+                message = "a folder stands where the file should be; move it away"
+                raise ReflectanceFitError(Problem(str(target), None, message))
+        for path, target in zip(files, targets, strict=True):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            path.replace(target)
+        for path in set(superseded) - set(targets):
+            path.unlink(missing_ok=True)
+    finally:
+        shutil.rmtree(stage, ignore_errors=True)
 
 
 def check_writable(folder: Path) -> None:
     """Raise, before any work is done, where ``folder`` cannot be made or written; leaves nothing behind."""
-    existing = folder
-    while not existing.exists() and existing != existing.parent:
-        existing = existing.parent
     try:
+        existing = _nearest_existing(folder)
         if not existing.is_dir():
-            raise NotADirectoryError(20, "a file stands where the folder should be")
+            raise NotADirectoryError(errno.ENOTDIR, "a file stands where the folder should be")
         with tempfile.TemporaryFile(dir=existing):
             pass
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         message = f"cannot write here: {reason}; choose another -o"
         raise ReflectanceFitError(Problem(str(folder), None, message)) from error
+
+
+def _nearest_existing(path: Path) -> Path:
+    while not path.exists() and path != path.parent:
+        path = path.parent
+    return path
+
+
+def _flush(path: Path) -> None:
+    with path.open("rb+") as file:
+        os.fsync(file.fileno())

@@ -16,7 +16,8 @@ def read_report(path: Path) -> Report:
     """A report this tool wrote; ReflectanceFitError where it is none."""
     document = load(path)
     data = document.data
-    if not isinstance(data, dict) or not str(data.get("schema", "")).startswith("reflectance_fit/material-report/"):
+    schema = data.get("schema") if isinstance(data, dict) else None
+    if not str(schema).startswith("reflectance_fit/material-report/"):
         message = "is not a report.yaml (no schema: reflectance_fit/material-report/1)"
         raise ReflectanceFitError(Problem(str(path), 1, message))
     return validate(document, Report)
@@ -24,6 +25,10 @@ def read_report(path: Path) -> Report:
 
 def material_of(report: Report, path: Path) -> Material:
     """The fitted material; channels whose eta is not identified are left out."""
+    for index, channel in enumerate(report.channels):
+        if not ((channel.eta.median or 1.0) > 0 and (channel.k.median or 0.0) >= 0):
+            message = f"channels.{index}: need eta > 0 and k >= 0 (the index is eta + ik)"
+            raise ReflectanceFitError(Problem(str(path), None, message))
     known = [channel for channel in report.channels if channel.eta.median is not None]
     if not known:
         raise ReflectanceFitError(Problem(str(path), None, "eta is identified in no channel of this report"))

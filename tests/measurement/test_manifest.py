@@ -80,6 +80,8 @@ def test_light(tmp_path, light, stokes):
         ("nuisances: {diffuse: 0.1}", "3: nuisances.diffuse: must be a block of keys"),
         ("nuisances: {diffuse: }", "3: nuisances.diffuse: must be a block of keys"),
         ("priors: {eta: {uniform: [2, 1]}}", "3: priors.eta: the range must be [low, high]"),
+        ("priors: {eta: {uniform: [2, 2]}}", "3: priors.eta: the range must be [low, high]"),
+        ("schemaa: x", "3: unknown key 'schemaa', did you mean 'schema'?"),
         ("priors: {eta: {uniform: [0, 1]}}", "3: priors: eta must start above 0"),
         ("priors: {k: {log_uniform: [0, 1]}}", "3: priors.k: the range must start above 0"),
         ("priors: {k: {uniform: [-1, 1]}}", "3: priors.k: the range must start at 0 or above"),

@@ -44,7 +44,10 @@ SIGNAL = "columns: {theta_deg: 0, signal_p: 1}"
 
 
 def test_each_value_is_a_row_in_the_order_of_the_lines(tmp_path):
-    o = observe(tmp_path, "columns: {theta_deg: 0, delta_deg: 2, psi_deg: 1}", "10 30 180\n20 31 179\n")
+    table = "columns: {theta_deg: 0, delta_deg: 2, psi_deg: 1}"
+    o = observe(tmp_path, table, "".join(f"{i} 30 180\n" for i in range(80)))
+    assert o.quantity.tolist() == ["psi_deg", "delta_deg"] * 80
+    o = observe(tmp_path, table, "10 30 180\n20 31 179\n")
     assert o.quantity.tolist() == ["psi_deg", "delta_deg"] * 2
     assert o.value.tolist() == [30, 180, 31, 179]
     assert o.theta_deg.tolist() == [10, 10, 20, 20]
@@ -82,6 +85,14 @@ def test_sigmas_from_columns_and_constants(tmp_path):
     o = observe(tmp_path, table, "10 30 0.1\n20 31 0.2\n")
     assert o.sigma.tolist() == [0.1, 0.2]
     assert o.theta_deg_sigma.tolist() == [0.5, 0.5]
+
+
+def test_constants_fill_only_what_a_woollam_row_leaves_out(tmp_path):
+    table = "format: woollam_vase\n    constants: {psi_deg_sigma: 0.5, theta_deg_sigma: 0.1}"
+    o = observe(tmp_path, table, "nm\n500 0 30 180 0.2\n500 65 25 110\n")
+    assert o.sigma[o.quantity == "psi_deg"].tolist() == [0.2, 0.5]
+    assert np.isnan(o.sigma[o.quantity == "delta_deg"]).all()
+    assert o.theta_deg_sigma.tolist() == [0.1] * 4
 
 
 @pytest.mark.parametrize("where", ["column", "constant"])
@@ -160,8 +171,8 @@ def test_where_the_wavelength_comes_from(tmp_path, table, top, expected):
 
 def test_channels_of_long_wavelengths_stay_apart(tmp_path):
     table = "columns: {theta_deg: 0, psi_deg: 1, wavelength_nm: 2}"
-    o = observe(tmp_path, table, "10 30 10600.1\n10 30 10600.2\n")
-    assert o.channel.tolist() == ["10600.1 nm", "10600.2 nm"]
+    o = observe(tmp_path, table, "10 30 10600.12\n10 30 10600.13\n")
+    assert o.channel.tolist() == ["10600.12 nm", "10600.13 nm"]
 
 
 def test_no_wavelength(tmp_path):

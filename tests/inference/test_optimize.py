@@ -1,0 +1,117 @@
+"""The optimiser: known minima, NaN walls, ranges, and the truth of noise-free data."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from reflectance_fit.inference import models, optimize, search
+from reflectance_fit.inference.rows import gain_names, pack
+from reflectance_fit.observations import concatenate
+from reflectance_fit.physics.ellipsometry import psi_delta
+from reflectance_fit.physics.fresnel import reflectances
+
+
+def rosenbrock(x):
+    return float((1 - x[0]) ** 2 + 100 * (x[1] - x[0] ** 2) ** 2)
+
+
+def test_local_finds_a_known_minimum():
+    found = optimize.local(
+        rosenbrock, np.array([-1.2, 1.0]), np.array([[-3.0, 3.0]] * 2), np.array([0.3, 0.3])
+    )
+    assert found.x == pytest.approx([1.0, 1.0], abs=1e-3)
+    assert found.nan_count == 0
+
+
+def test_one_dimension_works_too():
+    found = optimize.local(
+        lambda x: float((x[0] - 0.3) ** 2), np.array([2.0]), np.array([[-1.0, 3.0]]), np.array([0.5])
+    )
+    assert found.x == pytest.approx([0.3], abs=1e-4)
+
+
+def test_nan_is_counted_and_the_best_finite_point_wins():
+    """nlopt alone reports success at a point next to the wall (stevengj/nlopt#279)."""
+
+    def walled(x):
+        return float((x[0] - 0.3) ** 2 + (x[1] - 0.1) ** 2) if x[0] <= 0.25 else np.nan
+
+    found = optimize.local(walled, np.array([0.0, 0.0]), np.array([[-1.0, 1.0]] * 2), np.array([0.2, 0.2]))
+    assert found.nan_count > 0
+    assert np.isfinite(found.objective)
+    assert found.objective == walled(found.x)
+    assert found.x[0] <= 0.25
+    nowhere = optimize.local(lambda x: np.nan, np.zeros(2), np.array([[-1.0, 1.0]] * 2), np.array([0.2, 0.2]))
+    assert nowhere.objective == np.inf
+
+
+def test_grid_minima_are_all_and_only_the_local_ones():
+    x = np.linspace(0, 4 * np.pi, 400)
+    values = np.cos(x) + 0.01 * x
+    assert [round(float(x[i]) / np.pi) for (i,) in optimize.grid_minima(values)] == [1, 3]
+    values[::7] = np.nan
+    assert all(np.isfinite(values[i]) for i in optimize.grid_minima(values))
+    plane = np.add.outer(np.cos(x), np.cos(x))
+    assert len(optimize.grid_minima(plane)) == 4
+
+
+def test_polish_never_makes_it_worse():
+    worse = optimize.Basin(np.array([1.0]), 1.0, 0)
+    kept = optimize.polish(lambda x: x - 5.0, lambda x: float(x[0] ** 2), worse, np.array([[-9.0, 9.0]]))
+    assert kept is worse
+
+
+def noise_free(rows_of, eta, k, kind):
+    if kind == "ellipsometer":
+        theta = np.array([60.0, 65.0, 70.0, 75.0])
+        psi, delta = np.degrees(psi_delta(np.cos(np.radians(theta)), eta, k))
+        return concatenate(
+            [rows_of(theta, "psi_deg", psi, sigma=0.02), rows_of(theta, "delta_deg", delta, sigma=0.05)]
+        )
+    theta = np.arange(20.0, 85.0, 5.0)
+    r = reflectances(np.cos(np.radians(theta)), eta, k)
+    return concatenate(
+        [
+            rows_of(theta, "signal_s", 70 * r.s, sigma=0.1, gain_group="a"),
+            rows_of(theta, "signal_p", 90 * r.p, sigma=0.1, gain_group="b"),
+        ]
+    )
+
+
+@pytest.mark.parametrize(
+    ("eta", "k", "kind"),
+    [
+        (1.33, 0.0, "goniometer"),
+        (1.515, 0.0, "goniometer"),
+        (2.417, 0.0, "goniometer"),
+        (0.7, 0.0, "goniometer"),
+        (1.5, 0.5, "goniometer"),
+        (3.1, 3.3, "goniometer"),
+        (0.18, 3.43, "ellipsometer"),
+        (1.37, 7.62, "ellipsometer"),
+        (3.88, 0.019, "ellipsometer"),
+        (1.52, 0.0, "ellipsometer"),
+    ],
+)
+def test_noise_free_data_give_the_truth(rows_of, priors, eta, k, kind):
+    """Both models, whatever basin the grid starts from; k = 0 is a boundary, so k to its square root."""
+    o = noise_free(rows_of, eta, k, kind)
+    rows = pack(o, 1.0)
+    for name in ("conductor",) if k else ("dielectric", "conductor"):
+        model = models.build(name, rows, priors, {}, [])
+        optimum, basins = search.find(model, rows, gain_names(o))
+        assert optimum.eta == pytest.approx(eta, rel=1e-6)
+        assert optimum.k == pytest.approx(k, abs=1e-6 if k else 2e-3)
+        assert optimum.chi2 == pytest.approx(0.0, abs=1e-8)
+        assert basins[0].objective <= basins[-1].objective
+        assert optimum.dof == len(o) - len(model.names) - len(optimum.gains)
+
+
+def test_a_normal_prior_counts_as_a_datum(rows_of, priors):
+    o = noise_free(rows_of, 1.5, 0.0, "goniometer")
+    rows = pack(o, 1.0)
+    model = models.build("dielectric", rows, priors, {"angle_offset_deg": 0.5}, [])
+    optimum, _ = search.find(model, rows, gain_names(o))
+    assert optimum.dof == len(o) + 1 - (2 + 2)
+    assert optimum.parameters["angle_offset_deg"] == pytest.approx(0.0, abs=1e-5)

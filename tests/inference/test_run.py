@@ -1,0 +1,112 @@
+"""Model choice, upper limits and estimated sigmas, from whole fits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from reflectance_fit.inference import posterior, run
+from reflectance_fit.observations import Flag, concatenate
+from reflectance_fit.physics.ellipsometry import psi_delta
+from reflectance_fit.physics.fresnel import reflectances
+
+
+@pytest.fixture(autouse=True)
+def _short_runs(monkeypatch):
+    """Verdicts do not need thousands of independent draws."""
+    monkeypatch.setattr(posterior, "MIN_ESS", 800.0)
+    monkeypatch.setattr(posterior, "MAX_RHAT", 1.05)
+    monkeypatch.setattr(posterior, "STEPS_PER_TAU", 20)
+
+
+def scan(rows_of, eta, k, share, *, stated=True, seed=0):
+    generator = np.random.default_rng(seed)
+    theta = np.arange(20.0, 85.0, 5.0)
+    r = reflectances(np.cos(np.radians(theta)), eta, k)
+    parts = []
+    for quantity, power in (("signal_s", r.s), ("signal_p", r.p)):
+        sigma = share * float(np.max(power)) / 2
+        value = power / 2 + sigma * generator.standard_normal(len(theta))
+        parts.append(rows_of(theta, quantity, value, sigma=sigma if stated else np.nan, gain_group=quantity))
+    return concatenate(parts)
+
+
+def fit(o, priors, **options):
+    return run.fit_channel(
+        "550 nm", o, exterior_ior=1.0, priors=priors, nuisances=options.pop("nuisances", {}), **options
+    )
+
+
+def test_glass_is_a_dielectric_with_an_upper_limit_on_k(rows_of, priors):
+    found = fit(scan(rows_of, 1.5, 0.0, 0.003), priors)
+    assert found.optimum.model == "dielectric"
+    assert found.chosen_because.startswith("k adds nothing")
+    assert [c.name for c in found.candidates] == ["dielectric", "conductor"]
+    assert found.intervals["k"].status == "upper_limit"
+    assert 0 < found.intervals["k"].ci95[1] < 0.3
+    eta = found.intervals["eta"]
+    assert abs(eta.median - 1.5) < 4 * eta.sd
+    # k = 0: one Brewster angle, arctan(eta), draw by draw.
+    assert set(found.derived) == {"r0", "brewster_deg"}
+    np.testing.assert_allclose(
+        found.derived["brewster_deg"], np.degrees(np.arctan(found.posterior.samples["eta"])), rtol=1e-12
+    )
+
+
+def test_a_metal_is_a_conductor_with_three_angles(rows_of, priors):
+    theta = np.array([60.0, 65.0, 70.0, 75.0])
+    psi, delta = np.degrees(psi_delta(np.cos(np.radians(theta)), 2.1, 2.7))
+    o = concatenate(
+        [rows_of(theta, "psi_deg", psi, sigma=0.02), rows_of(theta, "delta_deg", delta, sigma=0.05)]
+    )
+    found = fit(o, priors)
+    assert found.optimum.model == "conductor"
+    assert found.k_posterior is None
+    for name, truth in (("eta", 2.1), ("k", 2.7)):
+        assert abs(found.intervals[name].median - truth) < 4 * found.intervals[name].sd
+    angles = [found.intervals[f"{n}_deg"].median for n in ("brewster", "second_brewster", "principal_angle")]
+    assert angles == sorted(angles)
+
+
+def test_a_forced_model_is_the_only_candidate(rows_of, priors):
+    found = fit(scan(rows_of, 1.5, 0.0, 0.003), priors, model="dielectric")
+    assert found.chosen_because == "asked for"
+    assert len(found.candidates) == 1
+    assert found.intervals["k"].status == "fixed"
+    assert found.intervals["k"].median == 0.0
+
+
+def test_an_estimated_sigma_is_the_noise_that_was_put_in(rows_of, priors):
+    found = fit(scan(rows_of, 1.5, 0.0, 0.003, stated=False), priors, model="dielectric")
+    truth = {"signal_s": 0.003 * 0.5, "signal_p": 0.003 * 0.5}
+    assert set(found.estimated_sigma) == set(truth)
+    assert found.p_value is None
+    for name in truth:
+        draws = found.posterior.samples[f"sigma[{name}]"]
+        largest = np.max(found.observations.value[found.observations.quantity == name])
+        # 13 readings: the sigma's own sd is a fifth of it.
+        assert np.quantile(draws, 0.0005) < 0.003 * largest < np.quantile(draws, 0.9995)
+
+
+def test_saturated_rows_are_left_out_and_counted(rows_of, priors):
+    o = scan(rows_of, 1.5, 0.0, 0.003)
+    flag = o.flag.astype("U12")
+    flag[:3] = Flag.SATURATED
+    value = o.value.copy()
+    value[:3] = 99.0
+    from dataclasses import replace
+
+    found = fit(replace(o, flag=flag, value=value), priors, model="dielectric")
+    assert found.saturated == 3
+    assert len(found.observations) == len(o) - 3
+    assert abs(found.intervals["eta"].median - 1.5) < 4 * found.intervals["eta"].sd
+
+
+def test_one_unpolarized_reading_cannot_tell_eta_from_k(rows_of, priors):
+    """One equation, two unknowns: a curve in (eta, k)."""
+    o = rows_of(
+        [30.0], "reflectance", [float(reflectances(np.cos(np.radians(30.0)), 1.4, 7.6).mean)], sigma=0.005
+    )
+    found = fit(o, priors, model="conductor")
+    assert found.intervals["eta"].status == "not_identified"
+    assert found.intervals["eta"].median is None
