@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from reflectance_fit.cli.options import out_folder_option, output_options, seed_option
+from .options import out_folder_option, output_options, seed_option
 
 
 @click.command()
@@ -26,10 +26,11 @@ def demo(out: Path, material: str | None, no_plots: bool, seed: int) -> None:
     \b
         reflectance-fit demo -o demo --material N-BK7 --no-plots
     """
-    from reflectance_fit.cli.progress import progress
-    from reflectance_fit.cli.tables import print_recovered
     from reflectance_fit.data_synthetic.example import example_names
     from reflectance_fit.workflow import demo as run
+
+    from .progress import progress
+    from .tables import print_recovered
 
     names = example_names() if material is None else (material,)
     with progress() as reporter:

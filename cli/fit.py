@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from reflectance_fit.cli.options import out_folder_option, output_options, seed_option
+from .options import out_folder_option, output_options, seed_option
 
 
 @click.command()
@@ -33,9 +33,10 @@ def fit(source: Path, out: Path, model: str, no_plots: bool, no_timings: bool, s
     \b
         reflectance-fit fit measurement.yaml -o result
     """
-    from reflectance_fit.cli.progress import progress
-    from reflectance_fit.cli.tables import print_result
     from reflectance_fit.workflow import fit_to_folder
+
+    from .progress import progress
+    from .tables import print_result
 
     with progress() as reporter:
         result = fit_to_folder(

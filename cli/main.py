@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from reflectance_fit.cli.options import ErrorHandlingGroup, output_options
+from .options import ErrorHandlingGroup, output_options
 
 VERBS = ("demo", "fit", "schlick", "materials", "schema")
 
@@ -32,9 +32,9 @@ class LazyGroup(ErrorHandlingGroup):
             import difflib
 
             near = difflib.get_close_matches(args[0], VERBS, n=1)
-            if near and "Did you mean" not in error.message:
-                error.message += f" Did you mean '{near[0]}'?"
-            raise
+            if not near or "Did you mean" in error.message:
+                raise
+            raise click.UsageError(f"{error.message} Did you mean '{near[0]}'?", ctx) from error
 
 
 @click.command(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
@@ -43,7 +43,9 @@ class LazyGroup(ErrorHandlingGroup):
 def cli() -> None:
     """From measured reflection to refractive index eta, extinction k and Brewster angle.
 
-    Start with a demonstration that needs no data of your own:
+    Start with a demonstration that needs no data of your own.
+
+    Example:
 
     \b
         reflectance-fit demo -o demo

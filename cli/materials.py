@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from .options import output_options
+
 if TYPE_CHECKING:
     from rich.table import Table
 
@@ -18,6 +20,7 @@ PIPE_WIDTH = 120
 
 
 @click.group()
+@output_options
 def materials() -> None:
     """Built-in optical constants: what is known, from where, and how well.
 
@@ -28,6 +31,7 @@ def materials() -> None:
 
 
 @materials.command("list")
+@output_options
 def list_materials() -> None:
     """List the built-in materials with eta and k near 550 nm.
 
@@ -75,6 +79,7 @@ def list_materials() -> None:
 @click.option(
     "--output", "-o", type=click.Path(path_type=Path), help="Draw eta and k into this .png or .svg."
 )
+@output_options
 def show(
     name: str | None,
     file: Path | None,
@@ -162,4 +167,8 @@ def _print(table: Table) -> None:
     from rich.console import Console
 
     # Into a pipe or a file, rich would fold the rows at 80 columns.
-    Console(width=None if sys.stdout.isatty() else PIPE_WIDTH, highlight=False).print(table)
+    console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH, highlight=False)
+    with console.capture() as capture:
+        console.print(table)
+    # Not by rich itself, which ends the process with 1 where the reader goes away.
+    click.echo(capture.get(), nl=False)

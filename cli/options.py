@@ -11,9 +11,11 @@ from typing import Any, TypeVar
 
 import click
 
-from reflectance_fit.errors import ReflectanceFitError
+from reflectance_fit.errors import Problem, ReflectanceFitError, printable
 
-LOGGER = "reflectance_fit"
+LOGGER = logging.getLogger("reflectance_fit")
+# Else logging's last resort would print errors a second time.
+LOGGER.addHandler(logging.NullHandler())
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
@@ -28,7 +30,10 @@ class ErrorHandlingGroup(click.Group):
         except ReflectanceFitError as error:
             lines = error.lines()
         except KeyboardInterrupt:
-            click.echo("Interrupted; nothing was written. Start again with the same command:", err=True)
+            LOGGER.error("interrupted")
+            click.echo(
+                "Interrupted; no unfinished file is left. Start again with the same command:", err=True
+            )
             click.echo(f"  {_this_command()}", err=True)
             ctx.exit(130)
         except BrokenPipeError:
@@ -36,19 +41,23 @@ class ErrorHandlingGroup(click.Group):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             ctx.exit(0)
         except OSError as error:
-            where = f"{error.filename}: " if error.filename else ""
-            lines = [f"Error: {where}{error.strerror or error}"]
+            file = None if error.filename is None else str(error.filename)
+            lines = ReflectanceFitError(Problem(file, None, error.strerror or str(error))).lines()
         except Exception as error:
-            if logging.getLogger(LOGGER).isEnabledFor(logging.DEBUG):
+            if ctx.meta.get(_key("verbose")):
                 raise
+            LOGGER.debug("traceback of the error below", exc_info=True)
             first = (str(error).splitlines() or [""])[0]
             lines = [
-                f"Error: an error of ours, not yours: {type(error).__name__}: {first}; "
-                "please report it with the output of the same command and -v"
+                printable(
+                    f"Error: an error of ours, not yours: {type(error).__name__}: {first}; "
+                    "please report it with the output of the same command and -v"
+                )
             ]
         for line in lines:
+            LOGGER.error("%s", line.removeprefix("Error: "))
             click.echo(line, err=True)
-        ctx.exit(1)
+        raise click.exceptions.Exit(1)
 
 
 def _this_command() -> str:
@@ -57,15 +66,24 @@ def _this_command() -> str:
     return shlex.join(["reflectance-fit", *sys.argv[1:]])
 
 
+class _Terminal(logging.Handler):
+    """``-v``: the log on stderr, without the errors, which are printed in any case."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if record.levelno < logging.ERROR:
+            click.echo(self.format(record), err=True)
+
+
 def output_options(command: Command) -> Command:
     """``-q``, ``-v`` and ``--log-file``, before or after the verb."""
 
-    def level(_ctx: click.Context, parameter: click.Parameter, value: bool) -> None:
-        if value:
-            quiet = parameter.name == "quiet"
-            logging.getLogger(LOGGER).setLevel(logging.ERROR if quiet else logging.DEBUG)
+    def remember(ctx: click.Context, parameter: click.Parameter, value: bool) -> None:
+        if value and not ctx.meta.get(_key(str(parameter.name))):
+            ctx.meta[_key(str(parameter.name))] = True
+            if parameter.name == "verbose":
+                _listen(ctx, _Terminal())
 
-    def log_file(_ctx: click.Context, _parameter: click.Parameter, value: str | None) -> None:
+    def log_file(ctx: click.Context, _parameter: click.Parameter, value: str | None) -> None:
         if value is None:
             return
         try:
@@ -73,22 +91,43 @@ def output_options(command: Command) -> Command:
         except OSError as error:
             raise click.BadParameter(f"{value}: {error.strerror}") from error
         handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
-        logger = logging.getLogger(LOGGER)
-        logger.addHandler(handler)
-        if logger.level == logging.NOTSET:
-            logger.setLevel(logging.INFO)
+        _listen(ctx, handler)
 
     for option in (
-        click.option("--log-file", metavar="FILE", expose_value=False, callback=log_file, help="Also log to FILE."),
-        click.option("-v", "--verbose", is_flag=True, expose_value=False, callback=level, help="Say more."),
-        click.option("-q", "--quiet", is_flag=True, expose_value=False, callback=level, help="Only errors."),
+        click.option(
+            "--log-file", metavar="FILE", expose_value=False, callback=log_file, help="Also log to FILE."
+        ),
+        click.option(
+            "-v", "--verbose", is_flag=True, expose_value=False, callback=remember, help="Say more."
+        ),
+        click.option(
+            "-q", "--quiet", is_flag=True, expose_value=False, callback=remember, help="Only errors."
+        ),
     ):
         command = option(command)
     return command
 
 
+def _key(option: str) -> str:
+    return f"{__name__}.{option}"
+
+
+def _listen(ctx: click.Context, handler: logging.Handler) -> None:
+    """Log to ``handler`` until the command ends."""
+    LOGGER.setLevel(logging.DEBUG)
+    LOGGER.addHandler(handler)
+
+    def stop() -> None:
+        LOGGER.removeHandler(handler)
+        handler.close()
+
+    ctx.find_root().call_on_close(stop)
+
+
 def is_quiet() -> bool:
-    return logging.getLogger(LOGGER).level >= logging.ERROR
+    """Whether ``-q`` was given to the command that runs."""
+    ctx = click.get_current_context(silent=True)
+    return ctx is not None and bool(ctx.meta.get(_key("quiet")))
 
 
 seed_option = click.option(

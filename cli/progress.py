@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
-from reflectance_fit.cli.options import is_quiet
+from .options import is_quiet
 
 
 class Reporter(Protocol):
@@ -21,7 +21,7 @@ class Reporter(Protocol):
 def progress() -> Iterator[Reporter]:
     """A live display while the block runs."""
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
     console = Console(stderr=True)
     display = Progress(
@@ -36,7 +36,7 @@ def progress() -> Iterator[Reporter]:
 
     class Bars:
         def __init__(self) -> None:
-            self._tasks: dict[str, int] = {}
+            self._tasks: dict[str, TaskID] = {}
 
         def sampling(self, channel: str, done: int, most: int) -> None:
             task = self._task(f"sampling {channel}", most, "steps")
@@ -47,11 +47,13 @@ def progress() -> Iterator[Reporter]:
             task = self._task("drawing", 8, "pictures")
             display.update(task, advance=1, rate=name)
 
-        def _task(self, description: str, total: int, unit: str) -> int:
+        def _task(self, description: str, total: int, unit: str) -> TaskID:
             from rich.markup import escape
 
             if description not in self._tasks:
-                self._tasks[description] = display.add_task(escape(description), total=total, unit=unit, rate="")
+                self._tasks[description] = display.add_task(
+                    escape(description), total=total, unit=unit, rate=""
+                )
             return self._tasks[description]
 
     with display:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from reflectance_fit.cli.options import output_options
+from .options import output_options
 
 
 @click.command()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from reflectance_fit.cli.options import output_options
+from .options import is_quiet, output_options
 
 
 @click.command()
@@ -15,10 +15,17 @@ from reflectance_fit.cli.options import output_options
 @click.option("--k", type=float, default=0.0, show_default=True, help="Extinction, with --eta.")
 @click.option("--material", metavar="NAME", help="A built-in material, seen from air.")
 @click.option("--wavelength-nm", type=float, default=550.0, show_default=True, help="With --material.")
-@click.option("-o", "--out", type=click.Path(path_type=Path), metavar="DIR", help="Also write a plot and YAML.")
+@click.option(
+    "-o", "--out", type=click.Path(path_type=Path), metavar="DIR", help="Also write a plot and YAML."
+)
 @output_options
 def schlick(
-    report: Path | None, eta: float | None, k: float, material: str | None, wavelength_nm: float, out: Path | None
+    report: Path | None,
+    eta: float | None,
+    k: float,
+    material: str | None,
+    wavelength_nm: float,
+    out: Path | None,
 ) -> None:
     """How wrong Schlick's approximation (and others) is for one material.
 
@@ -33,12 +40,13 @@ def schlick(
     """
     if sum(given is not None for given in (report, eta, material)) != 1:
         raise click.UsageError("give exactly one of --eta, --material and REPORT.yaml")
-    from reflectance_fit.cli.tables import print_approximations
     from reflectance_fit.workflow import schlick_errors
+
+    from .tables import print_approximations
 
     for title, errors in schlick_errors(
         report=report, eta=eta, k=k, material=material, wavelength_nm=wavelength_nm, folder=out
     ):
         print_approximations(title, errors)
-    if out is not None:
+    if out is not None and not is_quiet():
         click.echo(f"wrote {out}")

@@ -8,13 +8,17 @@ from typing import TYPE_CHECKING
 
 import click
 
-from reflectance_fit.cli.options import is_quiet
 from reflectance_fit.data_synthetic.example import Truth
+from reflectance_fit.errors import printable
 from reflectance_fit.report.schema import Estimate, Report, SchlickError
 
+from .options import is_quiet
+
 if TYPE_CHECKING:
-    from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
+
+LONGEST_TITLE = 120
 
 
 def print_result(report: Report, folder: Path) -> None:
@@ -37,11 +41,14 @@ def print_result(report: Report, folder: Path) -> None:
             quality.model.name,
             "-" if reduced is None else f"{reduced:.2f}",
         )
-    console = _console()
-    console.print(table)
-    for warning in report.warnings:
-        where = f" ({warning.channel})" if warning.channel else ""
-        console.print(Text(f"{warning.code}{where}: {warning.message}"), style="yellow")
+    warnings = [
+        Text(
+            f"{warning.code}{f' ({warning.channel})' if warning.channel else ''}: {printable(warning.message)}",
+            style="yellow",
+        )
+        for warning in report.warnings
+    ]
+    _show(table, *warnings)
     click.echo(f"wrote {folder / 'report.yaml'}")
 
 
@@ -57,11 +64,17 @@ def print_recovered(results: Sequence[tuple[str, Report, Truth]], folder: Path) 
         for name, true, found in (
             ("eta", truth.eta, channel.eta),
             ("k", truth.k, channel.k),
-            (channel.brewster_deg.kind.replace("_", "-") + " (deg)", truth.brewster_deg, channel.brewster_deg),
+            (
+                channel.brewster_deg.kind.replace("_", "-") + " (deg)",
+                truth.brewster_deg,
+                channel.brewster_deg,
+            ),
         ):
-            off = "-" if found.median is None or not found.sd else f"{(found.median - true) / found.sd:+.1f} sd"
+            off = (
+                "-" if found.median is None or not found.sd else f"{(found.median - true) / found.sd:+.1f} sd"
+            )
             table.add_row(material, name, f"{true:.4f}", in_words(found), off)
-    _console().print(table)
+    _show(table)
     for material, _, _ in results:
         click.echo(f"wrote {folder / material / 'result'}")
 
@@ -70,15 +83,24 @@ def _table(title: str) -> Table:
     from rich.table import Table
     from rich.text import Text
 
+    title = printable(title)
+    if len(title) > LONGEST_TITLE:
+        title = title[: LONGEST_TITLE - 1] + "…"
     return Table(title=Text(title), box=None, pad_edge=False, title_justify="left")
 
 
-def _console() -> Console:
-    """Standard output; wide where it is no terminal, so that nothing is cut or wrapped."""
+def _show(*parts: Table | Text) -> None:
+    """To standard output; wide where it is no terminal, so that nothing is cut or wrapped."""
     from rich.console import Console
 
     console = Console(soft_wrap=True)
-    return console if console.is_terminal else Console(soft_wrap=True, width=200)
+    if not console.is_terminal:
+        console = Console(soft_wrap=True, width=200)
+    with console.capture() as capture:
+        for part in parts:
+            console.print(part)
+    # Not by rich itself, which ends the process with 1 where the reader goes away.
+    click.echo(capture.get(), nl=False)
 
 
 def in_words(value: Estimate) -> str:
@@ -103,6 +125,8 @@ def plus_minus(value: float, sd: float) -> str:
 
 def print_approximations(title: str, errors: SchlickError) -> None:
     """Every approximation against exact, one line each."""
+    if is_quiet():
+        return
     table = _table(title)
     table.add_column("approximation")
     for heading in ("max |error|", "at (deg)", "max relative", "RMS", "albedo", "ns a value"):
@@ -112,12 +136,12 @@ def print_approximations(title: str, errors: SchlickError) -> None:
             row.name,
             f"{row.max_abs_error:.4f}",
             f"{row.at_deg:.1f}",
-            _percent(row.max_rel_error, '.1f'),
+            _percent(row.max_rel_error, ".1f"),
             f"{row.rms_error:.4f}",
-            _percent(row.albedo_error, '+.1f'),
+            _percent(row.albedo_error, "+.1f"),
             "-" if row.ns_per_eval is None else f"{row.ns_per_eval:.1f}",
         )
-    _console().print(table)
+    _show(table)
 
 
 def _percent(share: float | None, form: str) -> str:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import time
+import logging
 import math
+import re
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +25,10 @@ from reflectance_fit.measurement.manifest import Manifest
 from reflectance_fit.measurement.measurement import Measurement
 from reflectance_fit.measurement.read import read_measurement
 from reflectance_fit.observations import Flag
+from reflectance_fit.physics.domain import checked_index
 from reflectance_fit.report.approximations import schlick_errors as schlick_errors_of
 from reflectance_fit.report.build import build_report
-from reflectance_fit.report.files import check_writable, replace_folder, write_whole
+from reflectance_fit.report.files import check_writable, write_together
 from reflectance_fit.report.netcdf import write_posterior
 from reflectance_fit.report.read import material_of, read_report
 from reflectance_fit.report.schema import Report, SchlickError
@@ -34,6 +36,13 @@ from reflectance_fit.report.write import approximations_yaml, report_yaml, write
 from reflectance_fit.result import Fit
 
 Progress = Callable[[str, int, int], None]
+
+# The names draw_all gives to pictures: those of an earlier fit must not outlive its report.
+_PICTURE = re.compile(
+    r"(fit|residuals|corner|trace|autocorrelation|rank|prior_posterior|schlick|spectrum)(-[\w.-]+)?\.(png|svg)"
+)
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,21 +57,24 @@ class FitResult:
     ) -> Path:
         """Write report.yaml, posterior.nc and plots/ into ``folder``; returns the path of report.yaml.
 
-        Each file and the folder of plots appears whole or not at all;
-        report.yaml comes last, so where it stands the rest does.
+        Until all are complete nothing appears; report.yaml comes last, so
+        where it stands the rest does.  An earlier fit's files, plots
+        included, are replaced; anything else in the folder stays.
         """
         folder = Path(folder)
-        folder.mkdir(parents=True, exist_ok=True)
-        write_whole(folder / "posterior.nc", partial(write_posterior, self.fits))
-        if plots:
-            from reflectance_fit.plot.figures import draw_all
 
-            replace_folder(
-                folder / "plots", lambda path: draw_all(self.fits, path, predictor, progress=progress)
-            )
-        path = folder / "report.yaml"
-        write_whole(path, partial(write_text, report_yaml(self.report)))
-        return path
+        def fill(stage: Path) -> None:
+            write_posterior(self.fits, stage / "posterior.nc")
+            if plots:
+                from reflectance_fit.plot.figures import draw_all
+
+                draw_all(self.fits, stage / "plots", predictor, progress=progress)
+            write_text(report_yaml(self.report), stage / "report.yaml")
+
+        earlier = [path for path in (folder / "plots").glob("*") if _PICTURE.fullmatch(path.name)]
+        write_together(folder, fill, last="report.yaml", superseded=earlier)
+        _log.info("wrote %s", folder / "report.yaml")
+        return folder / "report.yaml"
 
 
 def fit(
@@ -98,6 +110,7 @@ def fit(
     started = time.perf_counter()
     measurement = source if isinstance(source, Measurement) else read_measurement(Path(source))
     read = time.perf_counter()
+    _log.info("%s: %d rows", measurement.path, len(measurement.observations))
     fits = []
     for index, (channel, rows) in enumerate(measurement.observations.channels()):
         if not np.any(rows.flag == Flag.USED):
@@ -114,6 +127,7 @@ def fit(
                 progress=progress,
             )
         )
+        _log_fit(fits[-1])
     seconds = {"read": read - started, "fit": time.perf_counter() - read}
     report = build_report(
         fits,
@@ -125,6 +139,19 @@ def fit(
         seconds=seconds if timings else None,
     )
     return FitResult(report, tuple(fits))
+
+
+def _log_fit(fit: Fit) -> None:
+    _log.info(
+        "%s: %s (%s), chi2 %.4g for %d degrees of freedom; %d steps, effective sample size %.0f",
+        fit.channel,
+        fit.optimum.model,
+        fit.chosen_because,
+        fit.optimum.chi2,
+        fit.optimum.dof,
+        fit.posterior.steps,
+        min(fit.posterior.ess.values()),
+    )
 
 
 def fit_to_folder(
@@ -141,6 +168,8 @@ def fit_to_folder(
     """``fit`` and ``FitResult.write``; an unwritable folder is told before the work, not after."""
     measurement = read_measurement(source)
     check_writable(folder)
+    if plots:
+        check_writable(folder / "plots")
     result = fit(measurement, model=model, seed=seed, timings=timings, progress=progress)
     result.write(folder, plots=plots, progress=drawing)
     return result
@@ -204,25 +233,39 @@ def schlick_errors(
     elif material is not None:
         subject = _built_in(material, wavelength_nm)
     else:
-        if eta is None or not (eta > 0 and math.isfinite(eta) and k >= 0 and math.isfinite(k)):
-            raise ReflectanceFitError("need a finite eta > 0 and k >= 0 (the index is eta + ik)")
-        subject = Material("given index", "", ("index",), np.array([math.nan]), np.array([eta]), np.array([k]))
+        if eta is None:
+            raise ReflectanceFitError("give an index, a material or a report")
+        try:
+            checked_index(eta, k)
+        except ValueError as error:
+            raise ReflectanceFitError(str(error)) from error
+        subject = Material(
+            "given index", "", ("index",), np.array([math.nan]), np.array([eta]), np.array([k])
+        )
     relative_eta, relative_k = subject.relative
     results = [
-        (f"{subject.name}, {channel}: eta = {n:.4f}, k = {x:.4f} (relative)", schlick_errors_of(n, x, timed=True))
-        for channel, n, x in zip(subject.channels, map(float, relative_eta), map(float, relative_k), strict=True)
+        (
+            f"{subject.name}, {channel}: eta = {n:.4f}, k = {x:.4f} (relative)",
+            schlick_errors_of(n, x, timed=True),
+        )
+        for channel, n, x in zip(
+            subject.channels, map(float, relative_eta), map(float, relative_k), strict=True
+        )
     ]
     if folder is not None:
         from reflectance_fit.plot.schlick import draw_approximations
         from reflectance_fit.plot.style import save
         from reflectance_fit.plot.text import slugs
 
-        folder.mkdir(parents=True, exist_ok=True)
         endings = [""] if len(results) == 1 else [f"-{slug}" for slug in slugs(subject.channels)]
-        for ending, (title, _), n, x in zip(endings, results, relative_eta, relative_k, strict=True):
-            save(draw_approximations(title, float(n), float(x)), folder, f"schlick{ending}")
-        text = approximations_yaml(subject, [errors for _, errors in results])
-        write_whole(folder / "schlick.yaml", partial(write_text, text))
+
+        def fill(stage: Path) -> None:
+            for ending, (title, _), n, x in zip(endings, results, relative_eta, relative_k, strict=True):
+                save(draw_approximations(title, float(n), float(x)), stage, f"schlick{ending}")
+            text = approximations_yaml(subject, [errors for _, errors in results])
+            write_text(text, stage / "schlick.yaml")
+
+        write_together(folder, fill, last="schlick.yaml")
     return results
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import platform
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -35,18 +35,19 @@ def build_report(
     of file and sha256.  ``seconds`` are times a stage; with None nothing in
     the report depends on the clock, so equal runs give equal bytes.
     """
-    channels, warnings = [], [
-        schema.Warning(code="ROWS_IGNORED", channel=None, message=note) for note in notes
-    ]
+    channels = []
+    warnings = [schema.Warning(code="ROWS_IGNORED", channel=None, message=note) for note in notes]
     for index, fit in enumerate(fits):
         table, disagreement = literature.compare(sample_name, fit)
         channels.append(_channel(fit, index, table, timed=seconds is not None))
         warnings += [
             schema.Warning(code=code, channel=fit.channel, message=message)  # type: ignore[arg-type]
-            for code, message in [*_warnings(fit), *([("LITERATURE_DISAGREES", disagreement)] if disagreement else [])]
+            for code, message in [
+                *_warnings(fit),
+                *([("LITERATURE_DISAGREES", disagreement)] if disagreement else []),
+            ]
         ]
     return schema.Report(
-        schema=schema.SCHEMA,
         sample=schema.Sample(name=sample_name),
         exterior_ior=exterior_ior,
         fits=[_fit(fit) for fit in fits],
@@ -76,10 +77,14 @@ def _channel(fit: Fit, index: int, table: schema.Literature | None, *, timed: bo
     if eta.median is not None:
         relative = (eta.median / fit.exterior_ior, (k.median or 0.0) / fit.exterior_ior)
         errors = schlick_errors(*relative, timed=timed)
-    kind = "brewster" if fit.optimum.model == "dielectric" else "pseudo_brewster"
+    kind: Literal["brewster", "pseudo_brewster"] = (
+        "brewster" if fit.optimum.model == "dielectric" else "pseudo_brewster"
+    )
     if table is not None:
         table = table.model_copy(
-            update={name: None if (v := getattr(table, name)) is None else short(v) for name in ("eta", "k", "z")}
+            update={
+                name: None if (v := getattr(table, name)) is None else short(v) for name in ("eta", "k", "z")
+            }
         )
     return schema.Channel(
         channel=fit.channel,
@@ -150,8 +155,10 @@ def _warnings(fit: Fit) -> list[tuple[str, str]]:
         found.append(
             (
                 "WRONG_MODEL",
-                f"no model fits: reduced chi2 {fit.optimum.reduced_chi2:.3g} (p = {p:.1g}); intervals are not to be "
-                "trusted. A film, a wrong angle zero, or sigmas stated too small?",
+                (
+                    f"no model fits: reduced chi2 {fit.optimum.reduced_chi2:.3g} (p = {p:.1g}); intervals are "
+                    "not to be trusted. A film, a wrong angle zero, or sigmas stated too small?"
+                ),
             )
         )
     if fit.saturated:
@@ -164,8 +171,10 @@ def _warnings(fit: Fit) -> list[tuple[str, str]]:
         found.append(
             (
                 "NOT_CONVERGED",
-                f"after {fit.posterior.steps} steps nested R-hat is {worst:.3f} and the effective sample size "
-                f"{min(fit.posterior.ess.values()):.0f}; intervals are rough",
+                (
+                    f"after {fit.posterior.steps} steps nested R-hat is {worst:.3f} and the effective sample "
+                    f"size {min(fit.posterior.ess.values()):.0f}; intervals are rough"
+                ),
             )
         )
     angle = fit.intervals["brewster_deg"].median
@@ -174,8 +183,10 @@ def _warnings(fit: Fit) -> list[tuple[str, str]]:
         found.append(
             (
                 "ANGLE_RANGE",
-                f"the Brewster angle {angle:.1f} deg lies outside of the angles measured, {low:g} to {high:g} deg: "
-                "it follows from the model alone",
+                (
+                    f"the Brewster angle {angle:.1f} deg lies outside of the angles measured, "
+                    f"{low:g} to {high:g} deg: it follows from the model alone"
+                ),
             )
         )
     return found

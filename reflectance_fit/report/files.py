@@ -1,30 +1,15 @@
-"""Files written whole or not at all."""
+"""Files written whole or not at all, and all or none."""
 
 from __future__ import annotations
 
 import errno
 import os
-import secrets
 import shutil
 import tempfile
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from reflectance_fit.errors import Problem, ReflectanceFitError
-
-
-def write_whole(path: Path, fill: Callable[[Path], object]) -> None:
-    """Let ``fill`` write a temporary file beside ``path``, flush it to disk and rename it.
-
-    A reader sees the old file or the new one, never part of one.
-    """
-    temporary = path.with_name(f".{secrets.token_hex(8)}.unfinished")
-    try:
-        fill(temporary)
-        _flush(temporary)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def write_together(

@@ -49,7 +49,7 @@ def write_posterior(fits: Sequence[Fit], path: Path) -> None:
 
 def _even(available: int, wanted: int) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     """``wanted`` of ``available`` walkers, evenly spread, so that every ensemble keeps its share."""
-    return np.floor(np.arange(wanted) * (available / wanted)).astype(np.int64)
+    return np.arange(wanted, dtype=np.int64) * available // wanted
 
 
 def _group(file: h5netcdf.File, name: str, chains: int, draws: int, channels: list[str]) -> h5netcdf.Group:

@@ -8,6 +8,7 @@ import numpy as np
 
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.material import Material
+from reflectance_fit.physics.domain import checked_index
 from reflectance_fit.report.schema import Report
 from reflectance_fit.strict_yaml import load, validate
 
@@ -25,19 +26,21 @@ def read_report(path: Path) -> Report:
 
 def material_of(report: Report, path: Path) -> Material:
     """The fitted material; channels whose eta is not identified are left out."""
-    for index, channel in enumerate(report.channels):
-        if not ((channel.eta.median or 1.0) > 0 and (channel.k.median or 0.0) >= 0):
-            message = f"channels.{index}: need eta > 0 and k >= 0 (the index is eta + ik)"
-            raise ReflectanceFitError(Problem(str(path), None, message))
     known = [channel for channel in report.channels if channel.eta.median is not None]
     if not known:
         raise ReflectanceFitError(Problem(str(path), None, "eta is identified in no channel of this report"))
+    eta = np.array([channel.eta.median for channel in known], dtype=float)
+    k = np.array([channel.k.median or 0.0 for channel in known])
+    try:
+        checked_index(eta / report.exterior_ior, k / report.exterior_ior)
+    except ValueError as error:
+        raise ReflectanceFitError(Problem(str(path), None, str(error))) from error
     return Material(
         name=report.sample.name,
         source=str(path),
         channels=tuple(channel.channel for channel in known),
         wavelength_nm=np.array([channel.wavelength_nm for channel in known]),
-        eta=np.array([channel.eta.median for channel in known], dtype=float),
-        k=np.array([channel.k.median or 0.0 for channel in known]),
+        eta=eta,
+        k=k,
         exterior_ior=report.exterior_ior,
     )

@@ -6,8 +6,6 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-SCHEMA = "reflectance_fit/material-report/1"
-
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 Status = Literal["identified", "upper_limit", "not_identified", "multimodal", "fixed"]
 
@@ -140,7 +138,9 @@ class Effort(_Part):
     seconds: dict[str, float] | None = None
 
 
-class Warning(_Part):  # noqa: A001 - the contract's word
+class Warning(_Part):
+    """What a reader of the figures must know about them."""
+
     code: Literal[
         "WRONG_MODEL",
         "ANGLE_RANGE",
@@ -174,9 +174,11 @@ class Provenance(_Part):
 class Report(_Part):
     """What one run found: schema reflectance_fit/material-report/1."""
 
-    schema_: Literal["reflectance_fit/material-report/1"] = Field(SCHEMA, alias="schema")
+    schema_: Literal["reflectance_fit/material-report/1"] = Field(
+        default="reflectance_fit/material-report/1", alias="schema"
+    )
     sample: Sample
-    exterior_ior: float
+    exterior_ior: float = Field(gt=0)
     fits: list[FitReport]
     channels: list[Channel]
     priors: dict[str, Any]

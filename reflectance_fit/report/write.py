@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import yaml
@@ -39,7 +40,12 @@ def approximations_yaml(material: Material, errors: list[SchlickError]) -> str:
         "material": {"name": material.name, "source": material.source},
         "exterior_ior": material.exterior_ior,
         "channels": [
-            {"channel": c, "eta": short(float(eta)), "k": short(float(k)), "schlick": e.model_dump(mode="json")}
+            {
+                "channel": c,
+                "eta": short(float(eta)),
+                "k": short(float(k)),
+                "schlick": e.model_dump(mode="json"),
+            }
             for c, eta, k, e in rows
         ],
     }
@@ -55,7 +61,19 @@ def _sequence(dumper: _Dumper, items: list[object]) -> yaml.Node:
     return dumper.represent_sequence("tag:yaml.org,2002:seq", items, flow_style=flow)
 
 
+def _text(dumper: _Dumper, text: str) -> yaml.Node:
+    try:
+        float(text)
+    except ValueError:
+        quotes = "'" if re.fullmatch("0o[0-7]+", text) else None
+    else:
+        # PyYAML takes 1e5 for text, as YAML 1.1 does; to YAML 1.2 it is a number.
+        quotes = "'"
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=quotes)
+
+
 _Dumper.add_representer(list, _sequence)
+_Dumper.add_representer(str, _text)
 
 
 def write_text(text: str, path: Path) -> None:

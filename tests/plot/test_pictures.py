@@ -161,6 +161,11 @@ def test_short_runs_and_unknown_angles_draw(gold, predict, tmp_path):
     blank = replace(gold.intervals["eta"], median=None, sd=None, ci68=None, status="not_identified")
     intervals = {"eta": blank, "k": blank, "brewster_deg": blank}
     fit = replace(gold, posterior=posterior, intervals=intervals, estimated_sigma={"psi_deg": 0.3})
-    for figure in (draw_fit(fit, predict(fit)), draw_residuals(fit), draw_autocorrelation(fit), draw_rank(fit)):
+    for figure in (
+        draw_fit(fit, predict(fit)),
+        draw_residuals(fit),
+        draw_autocorrelation(fit),
+        draw_rank(fit),
+    ):
         save(figure, tmp_path, "picture")
     save(draw_spectrum([fit] * 3), tmp_path, "spectrum")

@@ -1,6 +1,5 @@
 """Tables that others measured, as they left them."""
 
-import os
 import shutil
 from pathlib import Path
 
@@ -10,30 +9,25 @@ import pytest
 from reflectance_fit.measurement.measurement import Measurement
 from reflectance_fit.measurement.read import read_measurement
 
-DATA = Path(os.environ.get("REFLECTANCE_FIT_DATA", Path(__file__).parents[2] / ".." / "shared" / "data"))
 VASE = "ellipsometry/trujillo_vase"
 PRISM = "measured_angle/bologna_glass_prism"
 
-pytestmark = pytest.mark.skipif(
-    not DATA.is_dir(),
-    reason=f"third-party data are not here ({DATA}); REFLECTANCE_FIT_DATA names their folder",
-)
+
+@pytest.fixture
+def read(tmp_path: Path, data: Path):
+    def read(tables: str, *files: str) -> Measurement:
+        """The measurement of ``tables`` over copies of ``files``, named t0, t1, ..."""
+        for i, name in enumerate(files):
+            shutil.copyfile(data / name, tmp_path / f"t{i}")
+        path = tmp_path / "measurement.yaml"
+        path.write_text(f"schema: reflectance_fit/measurement/1\nsample: {{name: x}}\n{tables}")
+        return read_measurement(path)
+
+    return read
 
 
-def read(tmp_path: Path, tables: str, *files: str) -> Measurement:
-    """The measurement of ``tables`` over copies of ``files``, named t0, t1, ..."""
-    for i, name in enumerate(files):
-        if not (DATA / name).is_file():
-            pytest.skip(f"{name} is not among the data")
-        shutil.copyfile(DATA / name, tmp_path / f"t{i}")
-    path = tmp_path / "measurement.yaml"
-    path.write_text(f"schema: reflectance_fit/measurement/1\nsample: {{name: x}}\n{tables}")
-    return read_measurement(path)
-
-
-def test_prism_scans(tmp_path):
+def test_prism_scans(read):
     m = read(
-        tmp_path,
         "wavelength_nm: 650\n"
         "tables:\n"
         "  - {file: t0, columns: {theta_deg: 0, signal_p: 1, theta_deg_sigma: 2, signal_p_sigma: 3}}\n"
@@ -51,9 +45,8 @@ def test_prism_scans(tmp_path):
     assert m.warnings == ()
 
 
-def test_tantalum_at_three_wavelengths(tmp_path):
+def test_tantalum_at_three_wavelengths(read):
     m = read(
-        tmp_path,
         "wavelengths_nm: [450, 550, 633]\ntables: [{file: t0, format: woollam_vase}]\n",
         f"{VASE}/Ta_060810.dat",
     )
@@ -72,16 +65,15 @@ def test_tantalum_at_three_wavelengths(tmp_path):
         assert delta[0] < 180
 
 
-def test_a_whole_spectrum(tmp_path):
-    m = read(tmp_path, "tables: [{file: t0, format: woollam_vase}]\n", f"{VASE}/Ta_w1_10102006.dat")
+def test_a_whole_spectrum(read):
+    m = read("tables: [{file: t0, format: woollam_vase}]\n", f"{VASE}/Ta_w1_10102006.dat")
     assert len(m.observations) == 2028 * 2
     assert len(set(m.observations.channel)) == 676
 
 
 @pytest.mark.parametrize("polarization", ["p", "s"])
-def test_absolute_reflectances(tmp_path, polarization):
+def test_absolute_reflectances(read, polarization):
     m = read(
-        tmp_path,
         "tables: [{file: t0, format: woollam_vase}]\n",
         f"{VASE}/pR_sR/bare_sio2_sample1_fl_{polarization}_pol_20080421.dat",
     )
@@ -91,16 +83,15 @@ def test_absolute_reflectances(tmp_path, polarization):
 
 
 @pytest.mark.parametrize("name", ["bare_sio2_sample1_20080421.dat", "bare_sio2_sample1_fl_20080421.dat"])
-def test_anisotropic_rows_are_counted(tmp_path, name):
-    m = read(tmp_path, "tables: [{file: t0, format: woollam_vase}]\n", f"{VASE}/pR_sR/{name}")
+def test_anisotropic_rows_are_counted(read, name):
+    m = read("tables: [{file: t0, format: woollam_vase}]\n", f"{VASE}/pR_sR/{name}")
     assert len(m.observations) == 4056 * 2
     (warning,) = m.warnings
     assert "4056 tagged Aps, 4056 tagged Asp" in warning
 
 
-def test_completeease(tmp_path):
+def test_completeease(read):
     m = read(
-        tmp_path,
         "tables: [{file: t0, format: woollam_vase, quantities: [psi_deg]}]\n",
         "ellipsometry/refellips/Woolam_staticTest.dat",
     )
@@ -111,9 +102,8 @@ def test_completeease(tmp_path):
     assert "398 tagged dPolE, 398 tagged uR" in m.warnings[0]
 
 
-def test_wvase_example(tmp_path):
+def test_wvase_example(read):
     m = read(
-        tmp_path,
         "wavelengths_nm: [300]\ntables: [{file: t0, format: woollam_vase}]\n",
         "ellipsometry/pyelli/wvase_example.dat",
     )
@@ -123,9 +113,8 @@ def test_wvase_example(tmp_path):
     assert "284 tagged dpolE" in m.warnings[0]
 
 
-def test_instrument_export_with_title_and_header(tmp_path):
+def test_instrument_export_with_title_and_header(read):
     m = read(
-        tmp_path,
         "wavelength_nm: 650\ntables:\n  - file: t0\n    saturation: 4.2\n"
         "    columns: {theta_deg: Sensor Position (Degrees), signal_p: Light Intensity (Volts)}\n"
         "    theta_from: {scale: 0.5, zero_deg: -89}\n",
@@ -134,9 +123,8 @@ def test_instrument_export_with_title_and_header(tmp_path):
     assert len(m.observations) > 1000
 
 
-def test_rotating_analyzer_trace(tmp_path):
+def test_rotating_analyzer_trace(read):
     m = read(
-        tmp_path,
         "wavelength_nm: 632.8\ntables:\n"
         "  - {file: t0, columns: {analyzer_deg: analyser_deg, signal: adc12}, constants: {theta_deg: 30}}\n",
         "measured_angle/prahl_gaertner/bk7_30_00_1.csv",

@@ -5,22 +5,15 @@ sign convention that drifts fails here with a named material and angle.
 """
 
 import csv
-import os
-from pathlib import Path
 
 import numpy as np
-import pytest
 
 from reflectance_fit.angles import cos_sin_deg
 from reflectance_fit.physics.fresnel import amplitudes, reflectances
 
-DATA = Path(os.environ.get("REFLECTANCE_FIT_DATA", Path(__file__).parents[2] / ".." / "shared" / "data"))
-ORACLE = DATA / "oracles" / "fresnel_tmm_oracle.csv"
 
-
-@pytest.mark.skipif(not ORACLE.exists(), reason="set REFLECTANCE_FIT_DATA to the folder of reference data")
-def test_every_row_is_reproduced():
-    with ORACLE.open() as file:
+def test_every_row_is_reproduced(data):
+    with (data / "oracles" / "fresnel_tmm_oracle.csv").open() as file:
         rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
     assert len({row["material"] for row in rows}) == 11
     column = {name: np.array([float(row[name]) for row in rows]) for name in rows[0] if name != "material"}
