@@ -68,7 +68,7 @@ def at_angle(rows: Rows, i: int, theta: float, p: FloatArray) -> float:
 @inlined
 def incidence(rows: Rows, i: int, p: FloatArray) -> float:
     """Row i's angle with the offset applied; beyond the normal is the other side of it."""
-    return abs(rows.theta[i] + math.radians(p[_OFFSET]))
+    return float(abs(rows.theta[i] + math.radians(p[_OFFSET])))
 
 
 @inlined
@@ -76,7 +76,7 @@ def background(rows: Rows, i: int, p: FloatArray) -> float:
     """Dark offset and diffuse light of row i, in its own unit."""
     if rows.code[i] > LAST_POWER:
         return 0.0
-    return p[_DARK] + p[_DIFFUSE] * rows.largest[i]
+    return float(p[_DARK] + p[_DIFFUSE] * rows.largest[i])
 
 
 @kernel

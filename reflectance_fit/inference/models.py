@@ -47,7 +47,7 @@ class Model:
 
     def log_prior(self, x: FloatArray) -> FloatArray:
         """Log prior density of coordinates of shape (D, P), up to a constant."""
-        return np.sum([p.log_density(x[:, j]) for j, p in enumerate(self.priors)], axis=0)
+        return np.asarray(sum(prior.log_density(x[:, j]) for j, prior in enumerate(self.priors)))
 
     def in_report_units(self, x: FloatArray) -> dict[str, FloatArray]:
         """Name -> values, from coordinates of shape (..., P)."""

@@ -99,8 +99,12 @@ def polish(
     inside = np.clip(basin.x, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
     if not np.all(np.isfinite(residuals(inside))):
         return basin
+
+    def finite(x: FloatArray) -> FloatArray:
+        return np.nan_to_num(residuals(x), nan=1e15)
+
     result = least_squares(
-        lambda x: np.nan_to_num(residuals(x), nan=1e15),
+        finite,
         inside,
         jac="3-point",
         bounds=(low, high),

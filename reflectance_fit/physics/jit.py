@@ -14,10 +14,12 @@ import os
 import stat
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numba
 from numba import njit
+
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def _sources_digest() -> str:
@@ -47,21 +49,22 @@ def _private_folder() -> Path | None:
 _FOLDER = _private_folder()
 
 
-def _compile(function: Callable[..., Any], **options: bool) -> Any:
+def _compile(function: Function, *, forceinline: bool) -> Function:
     # numba reads the folder when it decorates; other libraries' kernels keep theirs.
     before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
     numba.config.CACHE_DIR = str(_FOLDER or before)  # type: ignore[attr-defined]
     try:
-        return njit(cache=_FOLDER is not None, error_model="numpy", **options)(function)
+        compiled: Any = njit(cache=_FOLDER is not None, error_model="numpy", forceinline=forceinline)(function)
+        return cast(Function, compiled)
     finally:
         numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
 
 
-def kernel(function: Callable[..., Any]) -> Any:
+def kernel(function: Function) -> Function:
     """Compile strictly (no fastmath), division by zero as numpy has it, cached when that is safe."""
-    return _compile(function)
+    return _compile(function, forceinline=False)
 
 
-def inlined(function: Callable[..., Any]) -> Any:
+def inlined(function: Function) -> Function:
     """As ``kernel``, for small helpers: inlined, because a tuple of arrays is costly to hand over."""
     return _compile(function, forceinline=True)
