@@ -137,13 +137,10 @@ seed_option = click.option(
 
 def out_folder_option(default: str | None = None) -> Callable[[Command], Command]:
     """``-o DIR``, required unless it has a default."""
+    # A default of None, even that, would make the option optional.
+    need: dict[str, Any] = (
+        {"required": True} if default is None else {"default": default, "show_default": True}
+    )
     return click.option(
-        "-o",
-        "--out",
-        type=click.Path(path_type=Path),
-        required=default is None,
-        default=default,
-        show_default=default is not None,
-        metavar="DIR",
-        help="Folder for the results.",
+        "-o", "--out", type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results.", **need
     )

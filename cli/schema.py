@@ -8,10 +8,12 @@ from .options import output_options
 
 
 @click.command()
-@click.argument("name", type=click.Choice(["measurement", "report"]))
+@click.argument("name", type=click.Choice(["capture", "measurement", "observations", "report", "truth"]))
 @output_options
 def schema(name: str) -> None:
-    """Print the JSON Schema of a file format, for editors and validators.
+    """Print the schema of a file format, for editors and validators.
+
+    It is a JSON Schema for the YAML formats, a list of columns for observations.
 
     Example:
 

@@ -22,8 +22,8 @@ class Quantity(StrEnum):
     REFLECTANCE_S = "reflectance_s"
     REFLECTANCE_P = "reflectance_p"
     REFLECTANCE = "reflectance"  # of unpolarized light
-    SIGNAL_S = "signal_s"  # unknown gain; analyzer along s
-    SIGNAL_P = "signal_p"  # unknown gain; analyzer along p
+    SIGNAL_S = "signal_s"  # R_s times an unknown gain (analyzer along s)
+    SIGNAL_P = "signal_p"  # R_p times an unknown gain (analyzer along p)
     SIGNAL = "signal"  # unknown gain; analyzer at analyzer_deg, none where that is NaN
     RATIO_PS = "ratio_ps"  # R_p / R_s
     DOLP = "dolp"  # (R_s - R_p) / (R_s + R_p)
@@ -61,7 +61,8 @@ class Observations:
     ``channel`` names the wavelength band ("550 nm", "G").  Rows of equal
     ``set`` and ``theta_deg`` were taken at one setting of the goniometer and
     share its error.  Rows of equal ``gain_group`` share one unknown gain; the
-    empty string means absolute.  ``light`` is the incident Stokes vector,
+    empty string means absolute.  ``diattenuation`` is that of the analyzer with
+    all optics before it, 1 for an ideal one.  ``light`` is the incident Stokes vector,
     shape (N, 4), in the (s, p) frame of docs/conventions.md.  ``sigma`` is
     one standard deviation, NaN where nobody stated it; ``theta_deg_sigma`` is
     0 where the angle is taken as exact.
@@ -76,6 +77,7 @@ class Observations:
     analyzer_deg: FloatArray
     retarder_deg: FloatArray
     retardance_deg: FloatArray
+    diattenuation: FloatArray
     light: FloatArray
     quantity: NDArray[np.str_]
     value: FloatArray

@@ -100,7 +100,8 @@ class Nuisance:
 
 
 # Contract, "Priors and nuisances".  dark_offset is in the unit of the signal
-# (default: 1 % of the largest); diffuse is a fraction of the largest signal.
+# (default: 1 % of the largest); diffuse is a fraction of the largest signal;
+# diattenuation multiplies the stated one.
 NUISANCES: Mapping[str, Nuisance] = {
     n.name: n
     for n in (

@@ -22,6 +22,7 @@ from ruamel.yaml.events import AliasEvent, Event, MappingStartEvent, ScalarEvent
 from ruamel.yaml.nodes import ScalarNode
 
 from reflectance_fit.errors import Problem, ReflectanceFitError, suggestion
+from reflectance_fit.inputs import check_regular
 
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 20
@@ -53,16 +54,11 @@ class Document:
 def read_text(path: Path, *, name: str | None = None, max_bytes: int = MAX_BYTES) -> str:
     """The text of a regular file of at most ``max_bytes``, or a one-line error."""
     shown = name or str(path)
+    check_regular(path, shown)
     try:
-        if path.is_dir():
-            raise ReflectanceFitError(Problem(shown, None, "is a folder, not a file"))
-        if not path.is_file():
-            why = "is not a regular file" if path.exists() else "there is no such file"
-            raise ReflectanceFitError(Problem(shown, None, why))
         raw = path.read_bytes() if path.stat().st_size <= max_bytes else None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        reason = getattr(error, "strerror", None) or str(error)
-        raise ReflectanceFitError(Problem(shown, None, f"cannot be read: {reason}")) from error
+    except OSError as error:
+        raise ReflectanceFitError(Problem(shown, None, f"cannot be read: {error.strerror}")) from error
     if raw is None:
         raise ReflectanceFitError(
             Problem(shown, None, f"is larger than {max_bytes / 1e6:g} MB; is it the right file?")
@@ -228,11 +224,13 @@ def _problem(document: Document, model: type[BaseModel], item: Any) -> Problem:
     path: Path_ = ()
     steps = [step for step in item["loc"] if step != "[key]"]
     for step in steps:
-        if (*path, step) in document.lines or isinstance(step, int) or step == steps[-1]:
+        if (*path, step) in document.lines or isinstance(step, int):
             path = (*path, step)
-    where = ".".join(str(step) for step in path)
     found = item.get("input")
     kind = item["type"]
+    if kind == "missing":
+        path = (*path, steps[-1])
+    where = ".".join(str(step) for step in path)
     if kind == "extra_forbidden":
         message = f"unknown key '{path[-1]}'{suggestion(str(path[-1]), _known_keys(model, path[:-1]))}"
         parent = ".".join(str(step) for step in path[:-1])

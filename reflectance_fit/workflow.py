@@ -14,8 +14,11 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
+from reflectance_fit.capture.manifest import Manifest as CaptureManifest
+from reflectance_fit.capture.truth import Truth as TruthFile
 from reflectance_fit.data_synthetic.example import Truth, copy_example
 from reflectance_fit.errors import ReflectanceFitError
+from reflectance_fit.files import check_writable, write_together
 from reflectance_fit.inference.predict import predictor
 from reflectance_fit.inference.run import MODELS, fit_channel
 from reflectance_fit.material import Material
@@ -25,10 +28,10 @@ from reflectance_fit.measurement.manifest import Manifest
 from reflectance_fit.measurement.measurement import Measurement
 from reflectance_fit.measurement.read import read_measurement
 from reflectance_fit.observations import Flag
+from reflectance_fit.observations_columns import observations_schema
 from reflectance_fit.physics.domain import checked_index
 from reflectance_fit.report.approximations import schlick_errors as schlick_errors_of
 from reflectance_fit.report.build import build_report
-from reflectance_fit.report.files import check_writable, write_together
 from reflectance_fit.report.netcdf import write_posterior
 from reflectance_fit.report.read import material_of, read_report
 from reflectance_fit.report.schema import Report, SchlickError
@@ -166,11 +169,10 @@ def fit_to_folder(
     drawing: Callable[[str], None],
 ) -> FitResult:
     """``fit`` and ``FitResult.write``; an unwritable folder is told before the work, not after."""
-    measurement = read_measurement(source)
     check_writable(folder)
     if plots:
         check_writable(folder / "plots")
-    result = fit(measurement, model=model, seed=seed, timings=timings, progress=progress)
+    result = fit(source, model=model, seed=seed, timings=timings, progress=progress)
     result.write(folder, plots=plots, progress=drawing)
     return result
 
@@ -206,8 +208,15 @@ def demo(
 
 
 def json_schema(name: str) -> dict[str, Any]:
-    """The JSON Schema of a file format: measurement or report."""
-    models: dict[str, type[BaseModel]] = {"measurement": Manifest, "report": Report}
+    """The JSON Schema of a YAML format, or the columns of OBS.nc; ``name`` is one of cli/schema.py."""
+    if name == "observations":
+        return observations_schema()
+    models: dict[str, type[BaseModel]] = {
+        "capture": CaptureManifest,
+        "measurement": Manifest,
+        "report": Report,
+        "truth": TruthFile,
+    }
     return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | models[name].model_json_schema()
 
 

@@ -60,9 +60,12 @@ def at_angle(rows: Rows, i: int, theta: float, p: FloatArray) -> float:
         s2 += polarized * math.sin(2 * math.radians(p[_AZIMUTH]))
     analyzer = 0.0 if code == _SIGNAL_S else 0.5 * math.pi if code == _SIGNAL_P else rows.analyzer[i]
     analyzer += math.radians(p[_ANALYZER])
-    return analyzer_signal(
-        reflection, (s0, s1, s2, s3), analyzer, rows.retarder[i], rows.retardance[i], p[_DIATTENUATION]
+    diattenuation = rows.diattenuation[i] * p[_DIATTENUATION]
+    signal = analyzer_signal(
+        reflection, (s0, s1, s2, s3), analyzer, rows.retarder[i], rows.retardance[i], diattenuation
     )
+    # signal_s and signal_p are R_s and R_p times a gain; an analyzer passes half of unpolarized light.
+    return signal if code == _SIGNAL else 2.0 * signal
 
 
 @inlined

@@ -11,7 +11,7 @@ from reflectance_fit.result import Interval
 FloatArray = NDArray[np.float64]
 
 # A 95 % interval wider than this share of the prior's has learned next to nothing:
-# for eta's default prior, ends that differ by more than a factor 3.5.
+# for eta's default prior, ends that differ by more than a factor 3.8.
 UNINFORMED_SHARE = 0.25
 # A parameter that cannot be told from its bound has a 2.5 % quantile near it.
 AT_BOUND = 0.1

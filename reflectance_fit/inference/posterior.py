@@ -76,8 +76,8 @@ def sample(
         # (ensemble, walker, step, parameter) without burn-in
         chains = np.stack([s.get_chain(discard=burn_in).transpose(1, 0, 2) for s in samplers])
         ess, rhat = _diagnose(model, chains)
-        tau_steps, tau = _tau_curve([s.get_chain() for s in samplers])
-        long_enough = steps >= STEPS_PER_TAU * tau[-1]
+        whole = np.concatenate([s.get_chain() for s in samplers], axis=1)
+        long_enough = steps >= STEPS_PER_TAU * _tau(whole)
         converged = long_enough and min(ess.values()) >= MIN_ESS and max(rhat.values()) <= MAX_RHAT
         if converged or steps >= MAX_STEPS:
             break
@@ -87,6 +87,7 @@ def sample(
     samples = model.in_report_units(thinned)
     samples.setdefault("k", np.zeros(thinned.shape[:2]))
     density = np.stack([s.get_log_prob(discard=burn_in).T for s in samplers])[:, :, kept]
+    tau_steps, tau = _tau_curve(whole)
     mean_walker = np.stack([s.get_chain().mean(axis=1) for s in samplers])
     return Posterior(
         model=model.name,
@@ -152,11 +153,10 @@ def _diagnose(model: Model, chains: FloatArray) -> tuple[dict[str, float], dict[
     return ess, rhat
 
 
-def _tau_curve(chains: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
+def _tau_curve(chain: FloatArray) -> tuple[FloatArray, FloatArray]:
     """emcee's autocorrelation time, the largest over parameters, against the steps it was taken from."""
-    joined = np.concatenate(chains, axis=1)
-    steps = np.unique(np.geomspace(50, len(joined), _TAU_POINTS).astype(int))
-    return steps.astype(float), np.array([_tau(joined[:n]) for n in steps])
+    steps = np.unique(np.geomspace(50, len(chain), _TAU_POINTS).astype(int))
+    return steps.astype(float), np.array([_tau(chain[:n]) for n in steps])
 
 
 def _tau(chain: FloatArray) -> float:

@@ -33,6 +33,7 @@ class Rows(NamedTuple):
     analyzer: FloatArray
     retarder: FloatArray
     retardance: FloatArray
+    diattenuation: FloatArray
     light: FloatArray
     value: FloatArray
     sigma: FloatArray
@@ -80,6 +81,7 @@ def pack(observations: Observations, exterior_ior: float) -> Rows:
         analyzer=np.radians(o.analyzer_deg),
         retarder=np.radians(o.retarder_deg),
         retardance=np.radians(o.retardance_deg),
+        diattenuation=np.ascontiguousarray(o.diattenuation),
         light=np.ascontiguousarray(o.light),
         value=np.ascontiguousarray(o.value),
         sigma=np.where(np.isnan(o.sigma), 1.0, o.sigma),

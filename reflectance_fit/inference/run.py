@@ -88,8 +88,8 @@ def _choose(optima: dict[str, Optimum], *, forced: bool) -> tuple[str, str]:
         return name, "asked for"
     difference = optima["conductor"].bic - optima["dielectric"].bic
     if difference >= 0:
-        return "dielectric", f"k adds nothing: delta BIC = {difference:.1f}"
-    return "conductor", f"k > 0 is needed: delta BIC = {-difference:.1f}"
+        return "dielectric", f"k adds nothing: delta BIC = {difference:.4g}"
+    return "conductor", f"k > 0 is needed: delta BIC = {-difference:.4g}"
 
 
 def _candidates(
@@ -132,5 +132,6 @@ def _intervals(
         k = Interval(None, None, None, (0.0, limit), "upper_limit")
     else:
         k = Interval(0.0, None, None, None, "fixed")
-    intervals = {"eta": eta, "k": k, **{name: interval(d) for name, d in derived.items()}}
-    return intervals
+    angle, share = Prior("uniform", 0.0, 90.0), Prior("uniform", 0.0, 1.0)
+    others = {name: interval(d, share if name == "r0" else angle) for name, d in derived.items()}
+    return {"eta": eta, "k": k, **others}

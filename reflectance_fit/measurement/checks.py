@@ -1,21 +1,17 @@
-"""What values of a table are possible, and which nuisances they can feel."""
+"""What values of a table are possible."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.errors import Problem, ReflectanceFitError
-from reflectance_fit.measurement.keys import SIGMAS, WAVELENGTHS_NM
-from reflectance_fit.measurement.manifest import NuisanceEntry
+from reflectance_fit.manifests import WAVELENGTHS_NM
+from reflectance_fit.measurement.keys import SIGMAS
 from reflectance_fit.measurement.tables import MAX_PROBLEMS, Columns
-from reflectance_fit.observations import FloatArray, Observations, Quantity
-from reflectance_fit.priors import NUISANCES
-from reflectance_fit.strict_yaml import Document
-
-DARK_FRACTION = 0.01  # of the largest signal: the default sigma of dark_offset
+from reflectance_fit.observations import FloatArray, Quantity
 
 # Noise lifts a true 1 a little; half as much again is another unit or another quantity.
 LIMIT = 1.5
@@ -56,43 +52,3 @@ def _rules(name: str, x: FloatArray) -> Iterator[tuple[NDArray[np.bool_], str]]:
         yield x > LIMIT, "is R_p / R_s, never above 1; is it R_s / R_p, or a percentage?"
     elif name in POWERS and name not in SIGNALS:
         yield x > LIMIT, "must be 0 to 1; is it a percentage, or a signal of unknown gain?"
-
-
-def nuisance_sigmas(
-    entries: Mapping[str, NuisanceEntry], document: Document, observations: Observations
-) -> dict[str, float]:
-    """Name to sigma, inf for flat, defaults filled in.
-
-    Raises ReflectanceFitError for a nuisance that no value can feel: the data
-    would return its prior, and the file was meant otherwise.
-    """
-    o = observations.used
-    power = np.isin(o.quantity, POWERS)
-    signal = np.isin(o.quantity, SIGNALS)
-    analyzed = signal & ((o.quantity != Quantity.SIGNAL) | np.isfinite(o.analyzer_deg))
-    felt = {
-        "dark_offset": (power, "signals and reflectances"),
-        "diffuse": (power, "signals and reflectances"),
-        "source_dolp": (signal, "signals"),
-        "source_azimuth_deg": (signal, "signals"),
-        "analyzer_offset_deg": (analyzed, "signals behind an analyzer"),
-        "diattenuation": (analyzed, "signals behind an analyzer"),
-    }
-    largest = float(np.max(np.abs(o.value[power]), initial=0.0))
-    sigmas: dict[str, float] = {}
-    problems: list[Problem] = []
-    for name, entry in entries.items():
-        path = ("nuisances", name)
-        rows, what = felt.get(name, (np.ones(1, dtype=bool), ""))
-        default = NUISANCES[name].default_sigma
-        sigma = entry.sigma or (DARK_FRACTION * largest if default is None else default)
-        if not np.any(rows):
-            problems.append(
-                document.problem(path, f"{name} acts only on {what}, and there are none; remove it")
-            )
-        elif sigma == 0:
-            problems.append(document.problem(path, f"{name}: every signal is 0; state its sigma"))
-        sigmas[name] = sigma
-    if problems:
-        raise ReflectanceFitError(problems)
-    return sigmas

@@ -8,77 +8,36 @@ the same in prose.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field
 
-from reflectance_fit.errors import Problem, ReflectanceFitError
+from reflectance_fit.errors import ReflectanceFitError
+from reflectance_fit.manifests import (
+    Block,
+    Count,
+    Light,
+    Number,
+    Subject,
+    Text,
+    Wavelength,
+    check_schema,
+    known_keys,
+)
 from reflectance_fit.measurement.keys import (
     COORDINATES,
     QUANTITIES,
     SIGMAS,
     WOOLLAM_QUANTITIES,
-    Block,
     ColumnName,
     ColumnRef,
     ConstantName,
-    Count,
-    NuisanceName,
-    Number,
-    Positive,
     Sense,
-    Text,
-    Wavelength,
     Wavelengths,
-    known_keys,
 )
-from reflectance_fit.priors import NUISANCES
 from reflectance_fit.strict_yaml import Document, load, validate
-
-SCHEMA = "reflectance_fit/measurement/1"
-
-
-class Sample(Block):
-    name: Text = Field(
-        description="What was measured; a known material's name is compared with the literature"
-    )
-    note: str = Field(default="", description="Free text, carried along")
-
-
-class Light(Block):
-    """The incident beam in the (s, p) frame of docs/conventions.md; exactly one key."""
-
-    stokes: Annotated[tuple[Number, ...], Field(min_length=4, max_length=4)] | None = Field(
-        default=None, description="[S0, S1, S2, S3]; +S1 is s, S3 > 0 is right circular"
-    )
-    linear_deg: Number | None = Field(
-        default=None, description="Linear polarization, degrees from s towards p"
-    )
-    circular: Literal["right", "left"] | None = Field(default=None, description="Circular polarization")
-
-    @model_validator(mode="after")
-    def _one(self) -> Light:
-        if len(self.model_fields_set) != 1:
-            raise ValueError("give exactly one of stokes, linear_deg, circular")
-        if self.stokes is not None:
-            s0, *rest = self.stokes
-            if s0 <= 0:
-                raise ValueError("S0, the first of stokes, must be above 0")
-            if math.hypot(*rest) > s0 * (1 + 1e-9):
-                raise ValueError("more polarized than possible: S1^2 + S2^2 + S3^2 must not exceed S0^2")
-        return self
-
-    def vector(self) -> tuple[float, float, float, float]:
-        """The Stokes vector."""
-        if self.stokes is not None:
-            return (self.stokes[0], self.stokes[1], self.stokes[2], self.stokes[3])
-        if self.linear_deg is not None:
-            twice = math.radians(2 * self.linear_deg)
-            return 1.0, math.cos(twice), math.sin(twice), 0.0
-        return 1.0, 0.0, 0.0, 1.0 if self.circular == "right" else -1.0
 
 
 class ThetaFrom(Block):
@@ -126,42 +85,7 @@ class Table(Block):
     ) = Field(default=None, description="woollam_vase: which quantities to use; default all")
 
 
-class NuisanceEntry(Block):
-    sigma: Positive | None = Field(
-        default=None, description="One standard deviation of its prior; default: documented"
-    )
-
-
-class PriorRange(Block):
-    """One key: the kind of prior and its range."""
-
-    uniform: Annotated[tuple[Number, ...], Field(min_length=2, max_length=2)] | None = None
-    log_uniform: Annotated[tuple[Number, ...], Field(min_length=2, max_length=2)] | None = None
-
-    @model_validator(mode="after")
-    def _range(self) -> PriorRange:
-        if len(self.model_fields_set) != 1:
-            raise ValueError("give exactly one of uniform, log_uniform")
-        low, high = self.uniform or self.log_uniform or (0.0, 0.0)
-        if not low < high:
-            raise ValueError("the range must be [low, high] with low below high")
-        if low < 0 or (self.log_uniform and low == 0):
-            raise ValueError(f"the range must start {'above 0' if self.log_uniform else 'at 0 or above'}")
-        return self
-
-
-class Priors(Block):
-    eta: PriorRange | None = Field(default=None, description="Refractive index relative to vacuum, above 0")
-    k: PriorRange | None = Field(default=None, description="Extinction, 0 or above")
-
-    @model_validator(mode="after")
-    def _physical(self) -> Priors:
-        if self.eta and self.eta.uniform and self.eta.uniform[0] == 0:
-            raise ValueError("eta must start above 0")
-        return self
-
-
-class Manifest(Block):
+class Manifest(Subject):
     """Tables of one sample, measured elsewhere."""
 
     model_config = ConfigDict(title="reflectance_fit measurement")
@@ -169,26 +93,18 @@ class Manifest(Block):
     schema_: Literal["reflectance_fit/measurement/1"] = Field(
         alias="schema", description="Format and version"
     )
-    sample: Sample = Field(description="What was measured")
-    exterior_ior: Positive = Field(default=1.000277, description="Index around the sample; default: air")
     wavelength_nm: Wavelength | None = Field(default=None, description="Default for tables that name none")
     wavelengths_nm: Wavelengths | None = Field(
         default=None, description="Default choice for tables of many wavelengths"
     )
     light: Light | None = Field(default=None, description="Incident beam; default: unpolarized")
     tables: Annotated[tuple[Table, ...], Field(min_length=1)] = Field(description="At least one")
-    nuisances: dict[NuisanceName, NuisanceEntry] | None = Field(
-        default=None,
-        description="What the fit may vary besides eta and k; {} forbids all",
-        json_schema_extra=known_keys(tuple(NUISANCES)),
-    )
-    priors: Priors = Field(default=Priors(), description="Ranges of eta and k")
 
 
 def read_manifest(path: Path) -> tuple[Manifest, Document]:
     """The manifest at ``path`` and its lines; ReflectanceFitError with every problem found."""
     document = load(path)
-    _check_schema(document)
+    check_schema(document, "measurement")
     manifest = validate(document, Manifest)
     problems = [
         document.problem(("tables", i, *where), f"tables.{i}: {message}")
@@ -198,23 +114,6 @@ def read_manifest(path: Path) -> tuple[Manifest, Document]:
     if problems:
         raise ReflectanceFitError(sorted(problems, key=lambda p: (p.line or 0, p.message)))
     return manifest, document
-
-
-def _check_schema(document: Document) -> None:
-    """Said first and alone: every other message about a file of another kind would mislead."""
-    if not isinstance(document.data, dict):
-        message = "is not a measurement file: lines of 'key: value' are due"
-    elif (found := document.data.get("schema")) == SCHEMA:
-        return
-    elif found is None:
-        message = f"'schema: {SCHEMA}' is missing; add it as the first line"
-    elif isinstance(found, str) and (parts := found.split("/"))[0] == "reflectance_fit" and len(parts) == 3:
-        message = f"is a {parts[1]} file ({found}); a measurement file ({SCHEMA}) is due here"
-        if parts[1] == "measurement":
-            message = f"schema {found} is not known to this version, which reads {SCHEMA}"
-    else:
-        message = f"schema must be '{SCHEMA}' (found {found!r:.60})"
-    raise ReflectanceFitError(Problem(document.file, document.line(("schema",)), message))
 
 
 def _contradictions(table: Table) -> Iterator[tuple[tuple[str, ...], str]]:

@@ -6,7 +6,6 @@ checked here, with the line it stands in, so that the fit can trust it.
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Iterable
 from dataclasses import replace
@@ -16,18 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.errors import Problem, ReflectanceFitError
-from reflectance_fit.measurement.checks import check_values, nuisance_sigmas
+from reflectance_fit.inputs import sha256_of
+from reflectance_fit.manifests import Polarization
+from reflectance_fit.measurement.checks import check_values
 from reflectance_fit.measurement.keys import QUANTITIES
-from reflectance_fit.measurement.manifest import Light, Manifest, PriorRange, read_manifest
+from reflectance_fit.measurement.manifest import Manifest, read_manifest
 from reflectance_fit.measurement.measurement import Measurement
 from reflectance_fit.measurement.tables import Columns, open_table, read_columns
 from reflectance_fit.measurement.woollam import read_woollam
+from reflectance_fit.nuisances import nuisance_sigmas
 from reflectance_fit.observations import Flag, FloatArray, Observations, Quantity, concatenate
-from reflectance_fit.priors import ETA_PRIOR, K_PRIOR, Prior
 from reflectance_fit.strict_yaml import Document
 
 WAVELENGTH_REACH_NM = 2.0
-UNPOLARIZED = (1.0, 0.0, 0.0, 0.0)
 
 
 def read_measurement(path: str | Path) -> Measurement:
@@ -41,7 +41,7 @@ def read_measurement(path: str | Path) -> Measurement:
     problems: list[Problem] = []
     parts: list[Observations] = []
     warnings: list[str] = []
-    inputs = {path.name: hashlib.sha256(path.read_bytes()).hexdigest()}
+    inputs = {path.name: sha256_of(path)}
     for i in range(len(manifest.tables)):
         try:
             columns, sha256 = _columns(manifest, document, i)
@@ -54,7 +54,7 @@ def read_measurement(path: str | Path) -> Measurement:
     if problems:
         raise ReflectanceFitError(dict.fromkeys(problems))
     observations = concatenate(parts)
-    stated = manifest.nuisances
+    stated = manifest.nuisances_by_name()
     nuisances = None if stated is None else nuisance_sigmas(stated, document, observations)
     return Measurement(
         path=path,
@@ -62,10 +62,7 @@ def read_measurement(path: str | Path) -> Measurement:
         exterior_ior=manifest.exterior_ior,
         observations=observations,
         nuisances=nuisances,
-        priors={
-            "eta": _prior(manifest.priors.eta, Prior("log_uniform", *ETA_PRIOR)),
-            "k": _prior(manifest.priors.k, Prior("uniform", *K_PRIOR)),
-        },
+        priors=manifest.priors.by_name(),
         warnings=tuple(dict.fromkeys(warnings)),
         inputs=tuple(inputs.items()),
     )
@@ -166,7 +163,7 @@ def _rows(
     analyzed = quantity is Quantity.SIGNAL  # signal_s and signal_p say themselves where the analyzer stood
     retarded = analyzed and "retarder_deg" in columns.values
     over = quantity.is_power and table.saturation is not None
-    light: Light | None = table.light or manifest.light
+    light = table.light or manifest.light or Polarization()
     wavelength = column("wavelength_nm")
     return Observations(
         channel=np.array([f"{w:.10g} nm" for w in wavelength]),
@@ -178,18 +175,11 @@ def _rows(
         analyzer_deg=column("analyzer_deg") if analyzed else np.full(n, math.nan),
         retarder_deg=column("retarder_deg") if retarded else np.full(n, math.nan),
         retardance_deg=column("retardance_deg", 90.0) if retarded else np.full(n, math.nan),
-        light=np.tile(light.vector() if light else UNPOLARIZED, (n, 1)),
+        diattenuation=np.ones(n),
+        light=np.tile(light.vector(), (n, 1)),
         quantity=label(str(quantity)),
         value=value,
         sigma=column(f"{quantity}_sigma"),
         pixels=np.ones(n, dtype=np.int64),
         flag=np.where(over & (value >= (table.saturation or 0.0)), str(Flag.SATURATED), str(Flag.USED)),
     )
-
-
-def _prior(stated: PriorRange | None, default: Prior) -> Prior:
-    if stated is None:
-        return default
-    if stated.uniform:
-        return Prior("uniform", *stated.uniform)
-    return Prior("log_uniform", *(stated.log_uniform or ()))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import hashlib
 import math
 import re
 from collections.abc import Iterator, Mapping
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.errors import Problem, ReflectanceFitError, suggestion
+from reflectance_fit.inputs import confined, sha256_of
 from reflectance_fit.measurement.manifest import Table
 from reflectance_fit.observations import FloatArray
 from reflectance_fit.strict_yaml import read_text
@@ -55,21 +55,10 @@ def open_table(manifest: Path, file: str) -> TableText:
     for paths that lead outside (absolute, "..", symbolic links), what is not a
     regular file of text, and files above 50 MB.
     """
-    try:
-        folder = manifest.parent.resolve()
-        path = (folder / file).resolve()
-        inside = path.is_relative_to(folder) and ".." not in Path(file).parts and not Path(file).is_absolute()
-    except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a NUL
-        raise ReflectanceFitError(f"'{file}' is not a usable path: {error}") from error
-    if not inside:
-        raise ReflectanceFitError(
-            f"'{file}' leads outside the folder of {manifest.name}; copy the file there and name it by its"
-            " path from there"
-        )
+    path = confined(manifest, file)
     try:
         text = read_text(path, name=file, max_bytes=MAX_BYTES)
-        with path.open("rb") as stream:
-            sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+        sha256 = sha256_of(path)
     except ReflectanceFitError as error:
         raise ReflectanceFitError(
             [Problem(None, None, str(problem)) for problem in error.problems]

@@ -52,7 +52,7 @@ def build_report(
         exterior_ior=exterior_ior,
         fits=[_fit(fit) for fit in fits],
         channels=channels,
-        priors={name: prior.as_yaml() for fit in fits for name, prior in fit.priors.items()},
+        priors=_priors(fits),
         effort=schema.Effort(
             fresnel="plain",
             model=", ".join(dict.fromkeys(fit.optimum.model for fit in fits)),
@@ -68,6 +68,16 @@ def build_report(
             | {name: importlib.metadata.version(name) for name in PACKAGES},
         ),
     )
+
+
+def _priors(fits: Sequence[Fit]) -> dict[str, Any]:
+    """Every prior once; where channels differ (ranges that follow the data), once a channel."""
+    common: dict[str, Any] = {}
+    for name in dict.fromkeys(name for fit in fits for name in fit.priors):
+        stated = {fit.channel: fit.priors[name].as_yaml() for fit in fits if name in fit.priors}
+        same = len({str(prior) for prior in stated.values()}) == 1
+        common |= {name: next(iter(stated.values()))} if same else {f"{name} ({c})": p for c, p in stated.items()}
+    return common
 
 
 def _channel(fit: Fit, index: int, table: schema.Literature | None, *, timed: bool) -> schema.Channel:

@@ -11,6 +11,8 @@ from reflectance_fit.result import Fit, Interval
 
 # Standard deviations; the table's own spread counts as one part of them.
 DISAGREES = 3.0
+# Below this k no reflection measurement tells a dielectric from an ideal one.
+_TRANSPARENT = 1e-3
 
 
 def compare(sample_name: str, fit: Fit) -> tuple[Literature | None, str | None]:
@@ -33,6 +35,11 @@ def compare(sample_name: str, fit: Fit) -> tuple[Literature | None, str | None]:
     measured = fit.intervals["eta"]
     z = _z(measured, table_eta, 0.0)
     literature = Literature(nearest=entry.name, eta=table_eta, k=table_k, z=z, source=entry.citation)
+    if entry.kind == "dielectric" and table_k < _TRANSPARENT and fit.intervals["k"].status == "identified":
+        return literature, (
+            f"k = {fit.intervals['k'].median:.3g} is needed, but {entry.name} is transparent at "
+            f"{fit.wavelength_nm:g} nm; suspect stray light, a dark level, or a film"
+        )
     if not _disagrees(entry, measured, table_eta):
         return literature, None
     return literature, (

@@ -7,8 +7,11 @@ from pathlib import Path
 
 import h5netcdf
 import numpy as np
+from numpy.typing import NDArray
 
 from reflectance_fit.result import Fit
+
+FloatArray = NDArray[np.float64]
 
 UNITS = {"eta": "1", "k": "1", "r0": "1", "diffuse": "1", "source_dolp": "1", "diattenuation": "1"}
 
@@ -23,7 +26,7 @@ def write_posterior(fits: Sequence[Fit], path: Path) -> None:
     """
     chains = min(fit.posterior.log_density.shape[0] for fit in fits)
     draws = min(fit.posterior.log_density.shape[1] for fit in fits)
-    sources = [{**fit.posterior.samples, **fit.derived} for fit in fits]
+    sources = [_draws(fit) for fit in fits]
     names = list(dict.fromkeys(name for source in sources for name in source))
     picks = [_even(fit.posterior.log_density.shape[0], chains) for fit in fits]
     with h5netcdf.File(path, "w") as file:
@@ -45,6 +48,15 @@ def write_posterior(fits: Sequence[Fit], path: Path) -> None:
         )
         ensemble = stats.create_variable("ensemble", ("chain",), int)
         ensemble[...] = fits[0].posterior.ensemble[picks[0]]
+
+
+def _draws(fit: Fit) -> dict[str, FloatArray]:
+    """Everything a fit drew; ``k_conductor`` are the draws behind the upper limit of k where k = 0 was chosen."""
+    draws = {**fit.posterior.samples, **fit.derived}
+    if fit.k_posterior is not None:
+        pick = _even(len(fit.k_posterior.ensemble), len(fit.posterior.ensemble))
+        draws["k_conductor"] = fit.k_posterior.samples["k"][pick]
+    return draws
 
 
 def _even(available: int, wanted: int) -> np.ndarray[tuple[int], np.dtype[np.int64]]:

@@ -42,7 +42,11 @@ CASES = (
     Case("N-BK7", "nothing"),
     Case("N-BK7", "angle scale off by 1 degree", ("WRONG_MODEL", "LITERATURE_DISAGREES"), offset_deg=1.0),
     Case(
-        "N-BK7", "the same, `angle_offset_deg` allowed", (), offset_deg=1.0, nuisances="{angle_offset_deg: {sigma: 1}}"
+        "N-BK7",
+        "the same, `angle_offset_deg` allowed",
+        (),
+        offset_deg=1.0,
+        nuisances="{angle_offset_deg: {sigma: 1}}",
     ),
     Case("N-BK7", "stray light, 1 % of the largest signal", ("WRONG_MODEL",), stray=0.01),
     Case("N-BK7", "the same, `diffuse` allowed", (), stray=0.01, nuisances="{diffuse: {sigma: 0.01}}"),
@@ -101,7 +105,11 @@ def outcome(case, folder, seed=0):
     generator = np.random.default_rng(seed)
     columns = ellipsometry(case, generator) if case.film else scan(case, generator)
     np.savetxt(
-        folder / "t.csv", np.column_stack(list(columns.values())), header=",".join(columns), comments="", delimiter=","
+        folder / "t.csv",
+        np.column_stack(list(columns.values())),
+        header=",".join(columns),
+        comments="",
+        delimiter=",",
     )
     (folder / "measurement.yaml").write_text(
         "schema: reflectance_fit/measurement/1\n"

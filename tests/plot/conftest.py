@@ -79,6 +79,7 @@ def observe(
         analyzer_deg=np.array([r[2] for r in rows], dtype=float),
         retarder_deg=np.full(n, np.nan),
         retardance_deg=np.full(n, np.nan),
+        diattenuation=np.ones(n),
         light=np.tile([1.0, 0, 0, 0], (n, 1)),
         quantity=np.array([r[0] for r in rows]),
         value=np.zeros(n),

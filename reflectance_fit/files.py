@@ -42,6 +42,11 @@ def write_together(
         shutil.rmtree(stage, ignore_errors=True)
 
 
+def write_whole(path: Path, fill: Callable[[Path], object]) -> None:
+    """Let ``fill`` write one file under another name, then move it to ``path``: complete, or as it was before."""
+    write_together(path.parent, lambda stage: fill(stage / path.name), last=path.name)
+
+
 def check_writable(folder: Path) -> None:
     """Raise, before any work is done, where ``folder`` cannot be made or written; leaves nothing behind."""
     try:

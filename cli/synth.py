@@ -1,0 +1,94 @@
+"""``reflectance-fit synth``"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import click
+
+from .options import is_quiet, output_options, seed_option
+
+
+def _degrees(_ctx: click.Context, _param: click.Parameter, value: str | None) -> tuple[float, ...]:
+    """A list of angles; nothing for nothing."""
+    if value is None:
+        return ()
+    try:
+        angles = tuple(float(part) for part in value.split(","))
+    except ValueError:
+        angles = (math.nan,)
+    if not all(math.isfinite(angle) for angle in angles):
+        raise click.BadParameter(f"'{value}' is not a list of degrees such as 30,45,60")
+    return angles
+
+
+@click.command()
+@click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+@click.option("--material", metavar="NAME", required=True, help="A built-in material; see `materials list`.")
+@click.option(
+    "--shape", type=click.Choice(["flat", "sphere"]), default="flat", show_default=True, help="Sample."
+)
+@click.option(
+    "--angles", callback=_degrees, metavar="DEG,...", help="Angles of incidence.  [default: by material]"
+)
+@click.option(
+    "--analyzer",
+    callback=_degrees,
+    metavar="DEG,...",
+    default="0,45,90,135",
+    show_default=True,
+    help="Its axes.",
+)
+@click.option(
+    "--light",
+    type=click.Choice(["unpolarized", "linear45", "circular"]),
+    help="Incident light.  [default: by material]",
+)
+@click.option(
+    "--noise",
+    type=click.Choice(["none", "low", "typical", "high"]),
+    default="typical",
+    show_default=True,
+    help="How good the camera is.",
+)
+@seed_option
+@output_options
+def synth(
+    folder: Path,
+    material: str,
+    shape: str,
+    angles: tuple[float, ...],
+    analyzer: tuple[float, ...],
+    light: str | None,
+    noise: str,
+    seed: int,
+) -> None:
+    """Photograph a material that is not there: RAW frames into DIR, with the truth beside them.
+
+    Writes DIR/raw/*.dng, DIR/capture.yaml (what a photographer would know) and
+    DIR/truth.yaml (what went in).
+
+    Example:
+
+    \b
+        reflectance-fit synth glass --material N-BK7 --angles 45,60 --analyzer 0,90
+    """
+    from reflectance_fit.data_synthetic.capture import write_capture
+    from reflectance_fit.data_synthetic.spec import LIGHTS, standard_spec
+
+    from .progress import progress
+
+    spec = standard_spec(
+        material,
+        shape=shape,
+        angles_deg=angles,
+        analyzer_deg=analyzer,
+        light=None if light is None else LIGHTS[light],
+        noise=noise,
+        seed=seed,
+    )
+    with progress() as reporter:
+        path = write_capture(folder, spec, progress=reporter.sampling)
+    if not is_quiet():
+        click.echo(f"wrote {path}")

@@ -1,0 +1,1 @@
+"""Photographs in: raw files read, decoded and reduced."""

@@ -1,0 +1,166 @@
+"""What a capture.yaml may not say: what contradicts itself, and what this version cannot do yet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import PurePath
+
+from reflectance_fit.capture.manifest import FrameEntry, Manifest
+from reflectance_fit.errors import Problem, ReflectanceFitError, suggestion
+from reflectance_fit.strict_yaml import Document
+
+Place = tuple[str | int, ...]
+Finding = tuple[Place, str]
+
+BAYER = ("R", "G", "B")
+NOT_RAW = frozenset(
+    (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".gif", ".webp", ".heic", ".heif", ".exr", ".avif")
+)
+
+
+def check_supported(manifest: Manifest, document: Document) -> None:
+    """ReflectanceFitError with a line for each thing asked for that is not supported yet."""
+    problems = [
+        document.problem(place, f"{'.'.join(map(str, place))}: {what} not supported yet")
+        for place, what in _unsupported(manifest)
+    ]
+    if problems:
+        raise ReflectanceFitError(problems)
+
+
+def _unsupported(m: Manifest) -> Iterator[Finding]:
+    """The one list of refusals: (place, subject and verb)."""
+    if m.camera.sensor in ("dofp", "dofp_bayer"):
+        yield ("camera", "sensor"), f"{m.camera.sensor}: sensors with polarizers on the pixels are"
+    if m.camera.sensor == "mono" and len(m.camera.channels) > 1:
+        yield ("camera", "channels"), "several channels of a mono sensor are"
+    if m.camera.encoding is not None:
+        yield ("camera", "encoding"), "images that are not RAW are"
+    if m.geometry.kind == "charuco":
+        yield ("geometry", "kind"), "angles from a ChArUco board are"
+    if m.geometry.sphere == "detect":
+        yield ("geometry", "sphere"), "finding the ball is"
+    for i, frame in enumerate(m.frames):
+        if frame.role not in ("sample", "dark", "flat"):
+            yield ("frames", i, "role"), f"the role {frame.role} is"
+
+
+def contradictions(manifest: Manifest, document: Document) -> list[Problem]:
+    """Keys that do not go together, each with its line."""
+    findings = [
+        *_camera(manifest),
+        *_optics(manifest),
+        *_geometry(manifest),
+        *_region(("region",), manifest.region),
+        *(finding for i, frame in enumerate(manifest.frames) for finding in _frame(manifest, i, frame)),
+    ]
+    if not any(frame.role == "sample" for frame in manifest.frames):
+        findings.append((("frames",), "no frame shows the sample; add one with role: sample"))
+    # One line a place: a wrong channel name is also a missing one.
+    first: dict[Place, str] = {}
+    for place, message in findings:
+        first.setdefault(place, message)
+    return [
+        document.problem(place, f"{'.'.join(map(str, place))}: {message}") for place, message in first.items()
+    ]
+
+
+def _camera(m: Manifest) -> Iterator[Finding]:
+    camera = m.camera
+    if camera.sensor in ("bayer", "dofp_bayer"):
+        for name in camera.channels:
+            if name not in BAYER:
+                yield ("camera", "channels", name), f"a {camera.sensor} sensor has the channels R, G and B"
+    dofp = camera.sensor in ("dofp", "dofp_bayer")
+    if dofp and camera.dofp_layout_deg is None:
+        yield ("camera",), "dofp_layout_deg is missing; add the axes of the 2 x 2 pixels"
+    elif not dofp and camera.dofp_layout_deg is not None:
+        yield ("camera", "dofp_layout_deg"), "belongs to dofp sensors; remove it"
+    if camera.noise:
+        for key in ("gain_e_per_dn", "read_noise_e"):
+            yield from _covers(m, ("camera", "noise", key), getattr(camera.noise, key))
+
+
+def _optics(m: Manifest) -> Iterator[Finding]:
+    if m.polarizer:
+        yield from _covers(m, ("polarizer", "diattenuation"), m.polarizer.diattenuation)
+    if m.retarder:
+        stated = m.retarder.retardance_deg
+        for name in stated if isinstance(stated, dict) else ():
+            yield from _is_channel(m, ("retarder", "retardance_deg", name), name)
+    if m.light.uniform and m.light.shape != "surround":
+        yield ("light", "uniform"), "belongs to light with shape: surround; a small lamp is never uniform"
+
+
+def _geometry(m: Manifest) -> Iterator[Finding]:
+    kind = m.geometry.kind
+    for key, owner in (("s_axis_deg", "stated"), ("charuco", "charuco"), ("sphere", "sphere")):
+        given = getattr(m.geometry, key) is not None
+        if given and kind != owner:
+            yield ("geometry", key), f"belongs to kind: {owner}, and the kind is {kind}; remove it"
+        elif kind == owner and not given and owner != "stated":
+            yield ("geometry",), f"{key} is missing; kind: {kind} needs it"
+    if kind == "sphere":
+        lights = [(("light",), m.light), *((("frames", i, "light"), f.light) for i, f in enumerate(m.frames))]
+        for place, light in lights:
+            # Linear light would have to turn with the plane of incidence around the ball.
+            if light and any(light.vector()[1:3]):
+                yield place, "light on a ball must be alike from all sides: unpolarized or circular"
+    stated = [f.s_axis_deg is not None for f in m.frames if f.role == "sample"]
+    if kind == "stated" and m.geometry.s_axis_deg is None and not all(stated):
+        message = "s_axis_deg is missing; add the angle from the picture's horizontal to s"
+        yield ("geometry",), f"{message}: 0 where the plane of incidence stands upright in the picture"
+
+
+def _frame(m: Manifest, i: int, frame: FrameEntry) -> Iterator[Finding]:
+    here = ("frames", i)
+    kind = m.geometry.kind
+    yield from _region((*here, "region"), frame.region)
+    if frame.channel is not None:
+        yield from _is_channel(m, (*here, "channel"), frame.channel)
+    elif m.camera.sensor == "mono" and len(m.camera.channels) > 1:
+        yield here, "channel is missing; say which one the frame belongs to"
+    if m.camera.encoding is None and PurePath(frame.file).suffix.lower() in NOT_RAW:
+        message = "8-bit and gamma-encoded images are refused unless camera.encoding says how to undo that"
+        yield (*here, "file"), f"'{frame.file}' is not RAW; {message}; give the camera's RAW file"
+    if frame.role != "sample":
+        return
+    if kind != "stated":
+        source = "the ball" if kind == "sphere" else "the board"
+        for key in ("theta_deg", "theta_deg_sigma", "s_axis_deg"):
+            if getattr(frame, key) is not None:
+                yield (*here, key), f"belongs to geometry kind: stated; here {source} says it; remove it"
+    elif frame.theta_deg is None:
+        yield here, "theta_deg is missing; add the angle of incidence in degrees"
+    if frame.analyzer_deg is None and m.camera.sensor in ("bayer", "mono"):
+        yield here, "analyzer_deg is missing; add the direction of the polarizer in degrees"
+    if frame.retarder_deg is not None:
+        stated = m.retarder.retardance_deg if m.retarder else {}
+        channels = m.camera.channels if frame.channel is None else (frame.channel,)
+        if isinstance(stated, dict) and (absent := [c for c in channels if c not in stated]):
+            yield (
+                (*here, "retarder_deg"),
+                f"needs the retarder's retardance_deg for {', '.join(absent)}; add it",
+            )
+
+
+def _region(place: Place, region: tuple[int, ...] | None) -> Iterator[Finding]:
+    if region is not None and not (region[0] < region[2] and region[1] < region[3]):
+        yield place, "must be [x0, y0, x1, y1] with x0 below x1 and y0 below y1"
+
+
+def _covers(m: Manifest, place: Place, stated: float | dict[str, float]) -> Iterator[Finding]:
+    """A number for each channel must name all of them and no other."""
+    if not isinstance(stated, dict):
+        return
+    for name in stated:
+        yield from _is_channel(m, (*place, name), name)
+    if absent := [name for name in m.camera.channels if name not in stated]:
+        yield place, f"says nothing of {', '.join(absent)}; add it, or give one number for all"
+
+
+def _is_channel(m: Manifest, place: Place, name: str) -> Iterator[Finding]:
+    known: Iterable[str] = m.camera.channels
+    if name not in known:
+        near = suggestion(name, known) or f"; there are {', '.join(known)}"
+        yield place, f"'{name}' is not among camera.channels{near}"

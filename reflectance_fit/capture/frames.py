@@ -1,0 +1,168 @@
+"""What a capture.yaml comes to: every frame with all it needs to be read, and which frames go together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+from reflectance_fit.capture.manifest import Role
+from reflectance_fit.priors import Prior
+from reflectance_fit.strict_yaml import Document
+
+# A file's 1/60 s and a manifest's 0.0167 s are the same; neighbouring settings of a camera differ by 12 % or more.
+_SAME_SETTING = 0.005
+_SAME_AXIS_DEG = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    wavelength_nm: float
+    fwhm_nm: float
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Variance of a pixel in DN^2: signal_dn / gain_e_per_dn + (read_noise_e / gain_e_per_dn)^2."""
+
+    gain_e_per_dn: float
+    read_noise_e: float
+
+
+@dataclass(frozen=True, slots=True)
+class Stated:
+    """Every frame states its angle; ``s_axis_deg`` is NaN where only frames state it."""
+
+    s_axis_deg: float
+
+
+@dataclass(frozen=True, slots=True)
+class Sphere:
+    """A ball, in raw sensor pixels; the first pixel's centre is (0, 0)."""
+
+    center_px: tuple[float, float]
+    radius_px: float
+
+
+class Exposure(NamedTuple):
+    """Settings of a photograph; None where neither the file nor the manifest has them."""
+
+    seconds: float | None
+    iso: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One photograph, defaults of the manifest applied.
+
+    ``file`` is the path as written, ``path`` where it is, ``line`` its line in
+    the manifest.  Angles are in degrees as files have them, NaN where there is
+    none: ``theta_deg`` and ``s_axis_deg`` of a sphere, ``retarder_deg`` without
+    a retarder, ``analyzer_deg`` of a dark.  ``exposure`` has only what the
+    manifest states.  ``light`` is the incident Stokes vector in the (s, p)
+    frame.  ``region`` is (x0, y0, x1, y1), x1 and y1 exclusive; None: all.
+    ``gain_group`` is None where each bin of angles has a gain of its own.
+    ``channels`` are those the frame is used for.
+    """
+
+    file: str
+    path: Path
+    line: int
+    sha256: str | None
+    role: Role
+    theta_deg: float
+    theta_deg_sigma: float
+    analyzer_deg: float
+    retarder_deg: float
+    exposure: Exposure
+    light: tuple[float, float, float, float]
+    region: tuple[int, int, int, int] | None
+    s_axis_deg: float
+    set: str
+    gain_group: str | None
+    channels: tuple[str, ...]
+
+    def settings(self, found: Exposure) -> Exposure:
+        """What the manifest states, else what was ``found`` in the file."""
+        stated = self.exposure
+        return Exposure(
+            found.seconds if stated.seconds is None else stated.seconds,
+            found.iso if stated.iso is None else stated.iso,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Capture:
+    """Photographs of one sample, and what their manifest says about reading and fitting them.
+
+    ``noise``, ``diattenuation`` and ``retardance_deg`` have a value for each
+    channel; ``noise`` is None where the manifest states none, a retardance
+    NaN.  ``nuisances`` maps name to stated sigma, None for the documented
+    default (``nuisances.nuisance_sigmas`` fills it in when the data are
+    known); it is None where the choice is left to the fit, empty where all
+    are forbidden.  ``priors`` holds eta and k.  ``inputs`` are (file as
+    written, sha256); the manifest alone, until the frames are read.
+    ``document`` has the lines for messages.
+    """
+
+    path: Path
+    sample_name: str
+    exterior_ior: float
+    sensor: str
+    channels: dict[str, Channel]
+    noise: dict[str, Noise] | None
+    focal_length_px: float | None
+    diattenuation: dict[str, float]
+    retardance_deg: dict[str, float]
+    geometry: Stated | Sphere
+    light_shape: str
+    light_uniform: bool
+    frames: tuple[Frame, ...]
+    nuisances: dict[str, float | None] | None
+    priors: dict[str, Prior]
+    inputs: tuple[tuple[str, str], ...]
+    document: Document = field(repr=False)
+
+    def role(self, role: Role) -> tuple[Frame, ...]:
+        """The frames of a role, in the order of the manifest."""
+        return tuple(frame for frame in self.frames if frame.role == role)
+
+
+def darks_for(
+    frame: Frame, frames: Iterable[Frame], found: Mapping[Path, Exposure] | None = None
+) -> tuple[Frame, ...]:
+    """The darks of equal exposure and ISO.
+
+    ``found`` is what each file says of itself, by ``Frame.path``; what the
+    manifest states goes before.  A setting that is unknown of both counts as
+    equal, one that is unknown of either does not.
+    """
+    found = found or {}
+
+    def settings(one: Frame) -> Exposure:
+        return one.settings(found.get(one.path, Exposure(None, None)))
+
+    wanted = settings(frame)
+    return tuple(
+        dark for dark in frames if dark.role == "dark" and all(map(_same_setting, settings(dark), wanted))
+    )
+
+
+def flats_for(frame: Frame, frames: Iterable[Frame]) -> tuple[Frame, ...]:
+    """The flats of the frame's set: those that name its analyzer angle, else those that name none."""
+    flats = [flat for flat in frames if flat.role == "flat" and flat.set == frame.set]
+    named = tuple(flat for flat in flats if _same_axis(flat.analyzer_deg, frame.analyzer_deg))
+    return named or tuple(flat for flat in flats if math.isnan(flat.analyzer_deg))
+
+
+def _same_setting(one: float | None, other: float | None) -> bool:
+    if one is None or other is None:
+        return one is other
+    return math.isclose(one, other, rel_tol=_SAME_SETTING)
+
+
+def _same_axis(one: float, other: float) -> bool:
+    """Whether two transmission axes agree: an axis has no direction, so 0 and 180 degrees are one."""
+    return abs(math.remainder(one - other, 180.0)) <= _SAME_AXIS_DEG

@@ -1,0 +1,168 @@
+"""Raw sensor values by LibRaw, as recorded: no scaling, no white balance, no demosaicing.
+
+The only module that imports rawpy.  Photographs of unknown origin are decoded
+through ``workers``, never in the process of the command.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import rawpy
+from numpy.typing import NDArray
+
+from reflectance_fit.capture.tiff import RawTags, check_structure, read_tags
+from reflectance_fit.errors import Problem, ReflectanceFitError
+
+# The first without the memory errors published in 2026 (CVE-2026-21413 and others).
+_OLDEST_LIBRAW = (0, 22, 2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RawFrame:
+    """One frame of a sensor: the visible area, row 0 on top as the sensor has it (no EXIF rotation).
+
+    Attributes
+    ----------
+    cfa : uint16, shape (h, w)
+        Raw values in DN, black not subtracted.
+    pattern : str, shape (2, 2)
+        Plane of each pixel of the top left cell: "R", "G", "B" (both greens
+        "G"), or "mono" throughout.
+    black : float, shape (2, 2)
+        Black level of the same cell, DN.
+    white : float
+        Nominal saturation, DN; a sensor may clip below.
+    exposure_s : Fraction or None
+        Seconds, where the file says so.
+    iso : float or None
+    noise_profile : dict of plane to (S, O), or None
+        DNG's model: variance S x + O, normalised to black 0 and white 1.
+    """
+
+    cfa: NDArray[np.uint16]
+    pattern: NDArray[np.str_]
+    black: NDArray[np.float64]
+    white: float
+    exposure_s: Fraction | None
+    iso: float | None
+    noise_profile: dict[str, tuple[float, float]] | None
+
+
+def decode(path: Path) -> RawFrame:
+    """Read one frame in this process.
+
+    Raises ReflectanceFitError, naming the file, for what is no raw file of a
+    Bayer or monochrome sensor, is damaged, or holds no picture.
+    """
+    if rawpy.libraw_version < _OLDEST_LIBRAW:
+        version = ".".join(map(str, rawpy.libraw_version))
+        raise ReflectanceFitError(f"LibRaw {version} has known security holes; install rawpy 0.28 or later")
+    tags = read_tags(path)
+    check_structure(tags, str(path))
+    with _errors_of_libraw(path), rawpy.RawPy() as raw:
+        raw.open_file(str(path))
+        raw.unpack()
+        if raw.raw_type != rawpy.RawType.Flat:
+            raise _refused(
+                path, "holds several colours a pixel, so it was demosaiced or scanned; use full raw"
+            )
+        frame = _frame(raw, tags, path)
+    if frame.cfa.min() == frame.cfa.max():
+        raise _refused(
+            path, f"every pixel is {frame.cfa.max()}: there is no picture; copy it from the camera again"
+        )
+    if not frame.black.max() < frame.white:
+        raise _refused(
+            path, f"its black level {frame.black.max():g} is not below its white level {frame.white:g}"
+        )
+    return frame
+
+
+def _frame(raw: rawpy.RawPy, tags: RawTags, path: Path) -> RawFrame:
+    """The frame of an unpacked file."""
+    sizes = raw.sizes
+    origin = (sizes.top_margin, sizes.left_margin)
+    planes, names = _cell(raw, origin, path)
+    # LibRaw cuts off fractions of a DNG's levels, and replaces them where the file lists masked pixels.
+    image = tags.image if tags.dng else None
+    black = image.black_cell(origin) if image else None
+    white = image.white if image else None
+    exposure_s, iso = (tags.exposure_s, tags.iso) if tags.container == "tiff" else _shot(raw)
+    return RawFrame(
+        # The view is LibRaw's memory, freed on closing.
+        cfa=raw.raw_image_visible.copy(),
+        pattern=names,
+        black=np.array(raw.black_level_per_channel, dtype=float)[planes] if black is None else black,
+        white=float(raw.white_level if white is None else white),
+        exposure_s=exposure_s,
+        iso=iso,
+        noise_profile=_noise(image.noise_profile if image else None, names),
+    )
+
+
+def _cell(raw: rawpy.RawPy, origin: tuple[int, int], path: Path) -> tuple[NDArray[np.intp], NDArray[np.str_]]:
+    """LibRaw's planes and their names of the 2 x 2 cell at ``origin``, the top left of the visible area."""
+    if raw.num_colors == 1:
+        # LibRaw's pattern of a sensor without filters is [[6]], which is no plane.
+        return np.zeros((2, 2), dtype=np.intp), np.full((2, 2), "mono")
+    pattern = raw.raw_pattern
+    if pattern is None or pattern.shape != (2, 2):
+        size = "unknown" if pattern is None else " x ".join(map(str, pattern.shape))
+        raise _refused(
+            path, f"its colour filters repeat over {size} pixels; only Bayer and monochrome are read"
+        )
+    planes = np.roll(pattern, (-origin[0], -origin[1]), axis=(0, 1)).astype(np.intp)
+    names = np.array(list(raw.color_desc.decode("ascii")))[planes]
+    if sorted(names.flat) != ["B", "G", "G", "R"]:
+        raise _refused(
+            path, f"its colour filters are {''.join(names.flat)}; only Bayer and monochrome are read"
+        )
+    return planes, names
+
+
+def _shot(raw: rawpy.RawPy) -> tuple[Fraction | None, float | None]:
+    """Exposure time and ISO where we read no tags; LibRaw has them as 32-bit floats, 0 for unknown."""
+    try:
+        other = raw.other
+    except ValueError:  # a date that is none
+        return None, None
+    exposure_s = Fraction(other.shutter_speed).limit_denominator(100_000)
+    return exposure_s or None, other.iso_speed or None
+
+
+def _noise(
+    pairs: tuple[tuple[float, float], ...] | None, names: NDArray[np.str_]
+) -> dict[str, tuple[float, float]] | None:
+    """The pairs by plane; None where their number is not that of the planes."""
+    planes = ["mono"] if names[0, 0] == "mono" else ["R", "G", "B"]
+    if pairs is None or len(pairs) not in (1, len(planes)):
+        return None
+    return dict(zip(planes, pairs * len(planes) if len(pairs) == 1 else pairs, strict=True))
+
+
+@contextmanager
+def _errors_of_libraw(path: Path) -> Iterator[None]:
+    """Whatever rawpy raises over a file's bytes, as an error that names the file.
+
+    Beside its own exceptions it has raised NotImplementedError, ValueError,
+    UnicodeError and MemoryError.
+    """
+    try:
+        yield
+    except ReflectanceFitError:
+        raise
+    except Exception as error:
+        detail = error.args[0] if error.args else type(error).__name__
+        text = detail.decode("ascii", "replace") if isinstance(detail, bytes) else str(detail)
+        reason = f"LibRaw cannot decode it ({text}); it may be damaged or of a camera not known"
+        raise _refused(path, reason) from error
+
+
+def _refused(path: Path, reason: str) -> ReflectanceFitError:
+    return ReflectanceFitError(Problem(str(path), None, reason))

@@ -1,0 +1,194 @@
+"""Decode and reduce photographs in processes of their own: a file that kills its decoder costs that one file.
+
+Each worker has one job at a time, so a death, a hang or an error is known to
+be that job's and disturbs no other.  A worker is a plain subprocess and not
+one of multiprocessing's, which would import the program's main module: it
+imports numpy, rawpy and the module of the job's function.  For POSIX systems.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, Pipe, wait
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Concatenate, Self, TypeVar
+
+from reflectance_fit.errors import ReflectanceFitError
+
+if TYPE_CHECKING:
+    from reflectance_fit.capture.raw import RawFrame
+
+T = TypeVar("T")
+Job = tuple[Path, "Callable[Concatenate[RawFrame, ...], T]", tuple[Any, ...]]
+
+_START_S = 60.0  # a machine may be busy; usually it takes a third of a second
+# One thread a worker: more would fight for the cores, and reserve address space that counts against the limit.
+_ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+
+
+@dataclass(frozen=True, slots=True)
+class FrameError:
+    """Why a frame gave no result, in one line."""
+
+    path: Path
+    reason: str
+
+
+class RawWorkers:
+    """Worker processes, started as jobs need them and ended with the ``with`` block.
+
+    Parameters
+    ----------
+    workers : int, optional
+        How many at most; by default 2, or 1 on a single core.
+    timeout_s : float
+        Wall time for one frame, decoding and reducing, in seconds.
+    """
+
+    def __init__(self, workers: int | None = None, *, timeout_s: float = 60.0) -> None:
+        self._limit = workers or min(2, os.cpu_count() or 1)
+        self._timeout_s = timeout_s
+        self._idle: list[_Worker] = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        while self._idle:
+            self._idle.pop().end()
+
+    def map(self, jobs: Iterable[Job[T]]) -> Iterator[T | FrameError]:
+        """Yield ``reduce(decode(path), *args)`` of every job (path, reduce, args), in the order of the jobs.
+
+        ``reduce`` is a function at the top of an importable module; it, its
+        arguments and its result are pickled.  A file that cannot be decoded,
+        a ReflectanceFitError or MemoryError of ``reduce``, a dead process and
+        a timeout give a FrameError in place of the result.  Jobs are taken
+        as workers become free; one ``map`` at a time.
+
+        Raises RuntimeError, with the worker's traceback, for any other
+        exception of ``reduce``, and ReflectanceFitError when no worker starts.
+        """
+        waiting = enumerate(jobs)
+        busy: dict[Connection, _Worker] = {}
+        done: dict[int, T | FrameError] = {}
+        yielded = 0
+        try:
+            while True:
+                while len(busy) < self._limit and (item := next(waiting, None)) is not None:
+                    worker = self._take()
+                    busy[worker.connection] = worker
+                    worker.give(*item, self._timeout_s)
+                while yielded in done:
+                    yield done.pop(yielded)
+                    yielded += 1
+                if not busy:
+                    return
+                first_deadline = min(worker.deadline for worker in busy.values())
+                ready = wait(list(busy), max(0.0, first_deadline - time.monotonic()))
+                for connection, worker in list(busy.items()):
+                    if answer := worker.answer(ready=connection in ready):
+                        done[worker.number] = answer[0]
+                        del busy[connection]
+                        if worker.alive:
+                            self._idle.append(worker)
+        finally:
+            for worker in busy.values():
+                worker.end()
+
+    def _take(self) -> _Worker:
+        """A living worker without a job."""
+        while self._idle:
+            worker = self._idle.pop()
+            if worker.alive:
+                return worker
+            worker.end()
+        return _Worker()
+
+
+class _Worker:
+    """One process and the job it has."""
+
+    number: int
+    deadline: float
+
+    def __init__(self) -> None:
+        self.connection, theirs = Pipe()
+        # The path of this process: a job's function may come from anywhere on it.
+        code = (
+            f"import sys; sys.path[:] = {sys.path!r}\n"
+            f"from reflectance_fit.capture.worker import serve; serve({theirs.fileno()})"
+        )
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", code],
+                pass_fds=[theirs.fileno()],
+                env=os.environ | _ONE_THREAD,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+            )
+        self._up = False
+
+    @property
+    def alive(self) -> bool:
+        return self._process.poll() is None
+
+    def give(self, number: int, job: Job[Any], timeout_s: float) -> None:
+        """Hand over a job."""
+        self.number = number
+        self._path = job[0]
+        self._timeout_s = timeout_s
+        self.deadline = time.monotonic() + (timeout_s if self._up else _START_S)
+        # A process that has died meanwhile shows when its answer is read.
+        with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+            self.connection.send((*job, timeout_s))
+
+    def answer(self, *, ready: bool) -> tuple[Any] | None:
+        """The job's result or FrameError once there is one; ``ready``: the process wrote, or closed by dying."""
+        if not ready:
+            if time.monotonic() < self.deadline:
+                return None
+            self.end()
+            return self._failed(f"took longer than {self._timeout_s:g} s")
+        try:
+            message = self.connection.recv()
+        except (EOFError, ConnectionResetError):
+            self._process.wait()
+            status = self._process.returncode
+            self.end()
+            return self._failed(f"ended the process that decoded it ({_cause(status)})")
+        if message is None:
+            self._up = True
+            self.deadline = time.monotonic() + self._timeout_s
+            return None
+        kind, value = message
+        if kind == "bug":
+            raise RuntimeError(f"reducing {self._path} failed:\n{value}")
+        return (value,) if kind == "value" else self._failed(value)
+
+    def end(self) -> None:
+        self._process.kill()
+        self._process.wait()
+        self.connection.close()
+
+    def _failed(self, reason: str) -> tuple[FrameError]:
+        if not self._up:
+            raise ReflectanceFitError("no process to decode photographs starts; is there memory left?")
+        return (FrameError(self._path, reason),)
+
+
+def _cause(status: int) -> str:
+    """What ended a process, by the return code of Popen."""
+    if status == -signal.SIGKILL:
+        return "SIGKILL; perhaps the system is out of memory"
+    return signal.Signals(-status).name if -status in set(signal.Signals) else f"exit code {status}"

@@ -1,0 +1,75 @@
+"""Functions for the worker processes: they live in a module of their own, which the workers import."""
+
+import os
+import signal
+import sys
+import time
+from typing import Any
+
+import numpy as np
+
+from reflectance_fit.capture.raw import RawFrame
+from reflectance_fit.errors import ReflectanceFitError
+
+
+def total(frame: RawFrame, scale: int = 1) -> int:
+    return int(frame.cfa.sum(dtype=np.int64)) * scale
+
+
+def die_of(frame: RawFrame, number: int) -> int:
+    os.kill(os.getpid(), number)
+    time.sleep(10)
+    return 0
+
+
+def leave(frame: RawFrame) -> int:
+    os._exit(3)
+
+
+def sleep(frame: RawFrame, seconds: float) -> float:
+    time.sleep(seconds)
+    return seconds
+
+
+def spin(frame: RawFrame) -> int:
+    # The limit of processor time that the worker has set itself is near.
+    import resource
+
+    resource.setrlimit(resource.RLIMIT_CPU, (int(time.process_time()) + 1, -1))
+    while True:
+        pass
+
+
+def allocate(frame: RawFrame) -> int:
+    return int(np.ones(400_000_000).sum())
+
+
+def refuse(frame: RawFrame) -> int:
+    raise ReflectanceFitError("the region\nlies outside")
+
+
+def fail(frame: RawFrame) -> int:
+    raise KeyError("a bug")
+
+
+def write_streams(frame: RawFrame) -> int:
+    print("to standard output")
+    print("to standard error", file=sys.stderr)
+    os.write(2, b"to descriptor 2\n")
+    return 1
+
+
+def surroundings(frame: RawFrame) -> dict[str, Any]:
+    import resource
+
+    return {
+        "pid": os.getpid(),
+        "modules": sorted(sys.modules),
+        "core": resource.getrlimit(resource.RLIMIT_CORE),
+        "address_space": resource.getrlimit(resource.RLIMIT_AS)[0],
+        "interrupt": signal.getsignal(signal.SIGINT) == signal.SIG_IGN,
+    }
+
+
+def large(frame: RawFrame) -> np.ndarray:
+    return np.arange(5_000_000)
