@@ -27,7 +27,7 @@ def _degrees(_ctx: click.Context, _param: click.Parameter, value: str | None) ->
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
 @click.option("--material", metavar="NAME", required=True, help="A built-in material; see `materials list`.")
 @click.option(
-    "--shape", type=click.Choice(["flat", "sphere"]), default="flat", show_default=True, help="Sample."
+    "--shape", type=click.Choice(["flat", "sphere"]), default="flat", show_default=True, help="Of the sample."
 )
 @click.option(
     "--angles", callback=_degrees, metavar="DEG,...", help="Angles of incidence.  [default: by material]"
@@ -38,7 +38,7 @@ def _degrees(_ctx: click.Context, _param: click.Parameter, value: str | None) ->
     metavar="DEG,...",
     default="0,45,90,135",
     show_default=True,
-    help="Its axes.",
+    help="Transmission axes of the analyzer.",
 )
 @click.option(
     "--light",

@@ -23,6 +23,9 @@ _QUARTER_WAVE_NM = 550.0
 # From below to above Brewster's angle; metals show their index near the principal angle only.
 _DIELECTRIC_DEG = (30.0, 45.0, 55.0, 60.0, 70.0)
 _METAL_DEG = (45.0, 60.0, 70.0, 75.0, 80.0)
+# A flat sample reaches beyond the region that is measured; shares of the frame, on each side.
+_SAMPLE, _REGION = 0.20, 0.25
+_RADIUS = 0.42  # of the frame's height
 # Over a quarter-wave plate at 0 these two differ by S3.
 _WITH_PLATE_DEG = (45.0, 135.0)
 
@@ -160,6 +163,25 @@ class CaptureSpec:
         if wrong:
             raise ReflectanceFitError(wrong[0])
 
+    @property
+    def outline(self) -> tuple[int, int, int, int]:
+        """x0, y0, x1, y1 in pixels of a flat sample, the last two exclusive."""
+        return self._frame_less(_SAMPLE)
+
+    @property
+    def ball(self) -> tuple[tuple[float, float], float]:
+        """Centre and radius in pixels; not in the middle, and not on a pixel."""
+        sensor = self.sensor
+        return (sensor.width / 2 + 7.3, sensor.height / 2 - 4.6), round(_RADIUS * sensor.height, 1)
+
+    @property
+    def region(self) -> tuple[int, int, int, int]:
+        """The pixels to measure, as ``outline``: inside a flat sample, or around a ball."""
+        if self.shape == "flat":
+            return self._frame_less(_REGION)
+        (x, y), radius = self.ball
+        return int(x - radius), int(y - radius), int(x + radius) + 2, int(y + radius) + 2
+
     def index_of(self, channel: Channel) -> tuple[float, float]:
         """eta and k relative to vacuum.
 
@@ -169,6 +191,12 @@ class CaptureSpec:
             return self.index
         eta, k = library.get(self.material).absolute_index(channel.wavelength_nm)
         return float(eta), float(k)
+
+    def _frame_less(self, share: float) -> tuple[int, int, int, int]:
+        """Whole colour cells only."""
+        width, height = self.sensor.width, self.sensor.height
+        dx, dy = 2 * round(share * width / 2), 2 * round(share * height / 2)
+        return dx, dy, width - dx, height - dy
 
 
 def standard_spec(

@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from reflectance_fit.material import Material as Material
-    from reflectance_fit.measurement.measurement import Measurement as Measurement
+    from reflectance_fit.measured import Measurement as Measurement
     from reflectance_fit.workflow import fit as fit
 
 __all__ = ["Material", "Measurement", "__version__", "fit"]
 
 _HOMES = {
     "Material": "reflectance_fit.material",
-    "Measurement": "reflectance_fit.measurement.measurement",
+    "Measurement": "reflectance_fit.measured",
     "fit": "reflectance_fit.workflow",
 }
 

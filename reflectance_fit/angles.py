@@ -16,4 +16,6 @@ def cos_sin_deg(theta_deg: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.f
     complement = np.radians(90.0 - theta)
     direct = np.radians(theta)
     steep = theta > 45.0
-    return np.where(steep, np.sin(complement), np.cos(direct)), np.where(steep, np.cos(complement), np.sin(direct))
+    return np.where(steep, np.sin(complement), np.cos(direct)), np.where(
+        steep, np.cos(complement), np.sin(direct)
+    )

@@ -60,7 +60,8 @@ class Observations:
 
     ``channel`` names the wavelength band ("550 nm", "G").  Rows of equal
     ``set`` and ``theta_deg`` were taken at one setting of the goniometer and
-    share its error.  Rows of equal ``gain_group`` share one unknown gain; the
+    share its error.  ``theta_deg_spread`` is the standard deviation of the
+    angle over the pixels that were averaged, 0 for one angle.  Rows of equal ``gain_group`` share one unknown gain; the
     empty string means absolute.  ``diattenuation`` is that of the analyzer with
     all optics before it, 1 for an ideal one.  ``light`` is the incident Stokes vector,
     shape (N, 4), in the (s, p) frame of docs/conventions.md.  ``sigma`` is
@@ -74,6 +75,7 @@ class Observations:
     gain_group: NDArray[np.str_]
     theta_deg: FloatArray
     theta_deg_sigma: FloatArray
+    theta_deg_spread: FloatArray
     analyzer_deg: FloatArray
     retarder_deg: FloatArray
     retardance_deg: FloatArray

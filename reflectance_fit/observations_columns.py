@@ -19,6 +19,7 @@ COLUMNS: Mapping[str, tuple[Kind, str, str]] = {
     "gain_group": ("text", "", "rows of one group share one unknown gain; empty: absolute"),
     "theta_deg": ("float", "degree", "angle of incidence from the normal, 0 to below 90"),
     "theta_deg_sigma": ("float", "degree", "one standard deviation of theta_deg; 0: exact"),
+    "theta_deg_spread": ("float", "degree", "standard deviation of the angle over the row's pixels; 0: one angle"),
     "analyzer_deg": ("float", "degree", "transmission axis, counter-clockwise from s; NaN: no analyzer"),
     "retarder_deg": ("float", "degree", "fast axis, counter-clockwise from s; NaN: no retarder"),
     "retardance_deg": ("float", "degree", "retardance; NaN: no retarder"),
@@ -39,7 +40,7 @@ ATTRIBUTES: Mapping[str, str] = {
     "exterior_ior": "index around the sample",
     "nuisances": "JSON: name to the sigma of its prior, null for flat; absent: the fit decides",
     "priors": "JSON: eta and k, as in the block of manifests",
-    "warnings": "JSON: list of texts",
+    "warnings": "JSON: list of {code, message}",
     "inputs": "JSON: list of {file, sha256}, the manifest first",
     "version": "of the program that wrote the file",
 }

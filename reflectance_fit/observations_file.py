@@ -28,6 +28,7 @@ from reflectance_fit.manifests import (
     Text,
     check_schema,
 )
+from reflectance_fit.measured import Note
 from reflectance_fit.observations import Flag, Observations, Quantity
 from reflectance_fit.observations_columns import ATTRIBUTES, COLUMNS, SCHEMA
 from reflectance_fit.priors import Prior
@@ -47,9 +48,14 @@ class About:
     exterior_ior: float
     nuisances: dict[str, float] | None
     priors: dict[str, Prior]
-    warnings: tuple[str, ...]
+    warnings: tuple[Note, ...]
     inputs: tuple[tuple[str, str], ...]
     version: str
+
+
+class _Warning(Block):
+    code: Text
+    message: Text
 
 
 class _Input(Block):
@@ -63,7 +69,7 @@ class _Attributes(Block):
     exterior_ior: Positive
     nuisances: dict[NuisanceName, Positive | None] | None = None
     priors: Priors
-    warnings: tuple[str, ...]
+    warnings: tuple[_Warning, ...]
     inputs: Annotated[tuple[_Input, ...], Field(min_length=1)]
     version: Text
 
@@ -76,7 +82,7 @@ def write_observations(observations: Observations, path: Path, *, attrs: About) 
         "sample": attrs.sample_name,
         "exterior_ior": attrs.exterior_ior,
         "priors": {name: prior.as_yaml() for name, prior in attrs.priors.items()},
-        "warnings": attrs.warnings,
+        "warnings": [note._asdict() for note in attrs.warnings],
         "inputs": [{"file": file, "sha256": sha256} for file, sha256 in attrs.inputs],
         "version": attrs.version,
     }
@@ -136,7 +142,7 @@ def read_observations(path: Path) -> tuple[Observations, About]:
         if nuisances is None
         else {n: np.inf if s is None else s for n, s in nuisances.items()},
         priors=stated.priors.by_name(),
-        warnings=stated.warnings,
+        warnings=tuple(Note(entry.code, entry.message) for entry in stated.warnings),
         inputs=tuple((entry.file, entry.sha256) for entry in stated.inputs),
         version=stated.version,
     )

@@ -224,7 +224,7 @@ def _problem(document: Document, model: type[BaseModel], item: Any) -> Problem:
     path: Path_ = ()
     steps = [step for step in item["loc"] if step != "[key]"]
     for step in steps:
-        if (*path, step) in document.lines or isinstance(step, int):
+        if isinstance(step, int) or _has(document.data, (*path, step)):
             path = (*path, step)
     found = item.get("input")
     kind = item["type"]
@@ -247,6 +247,15 @@ def _problem(document: Document, model: type[BaseModel], item: Any) -> Problem:
     if shown and len(steps) == len(item["loc"]):  # a key is in the path already
         message += f" (found {found!r:.60})"
     return document.problem(path, f"{where}: {message}" if where else message)
+
+
+def _has(data: Any, path: Path_) -> bool:
+    for step in path:
+        try:
+            data = data[step]
+        except (LookupError, TypeError):
+            return False
+    return True
 
 
 def _known_keys(model: Any, path: Path_) -> list[str]:

@@ -25,7 +25,7 @@ from reflectance_fit.material import Material
 from reflectance_fit.materials import library
 from reflectance_fit.materials.loader import AIR_INDEX
 from reflectance_fit.measurement.manifest import Manifest
-from reflectance_fit.measurement.measurement import Measurement
+from reflectance_fit.measured import Measurement
 from reflectance_fit.measurement.read import read_measurement
 from reflectance_fit.observations import Flag
 from reflectance_fit.observations_columns import observations_schema

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from reflectance_fit.errors import ReflectanceFitError
+from reflectance_fit.measured import Note
 from reflectance_fit.observations import Flag, Observations, Quantity
 from reflectance_fit.observations_columns import ATTRIBUTES, COLUMNS, observations_schema
 from reflectance_fit.observations_file import About, read_observations, write_observations
@@ -24,7 +25,7 @@ ABOUT = About(
     exterior_ior=1.000277,
     nuisances={"angle_offset_deg": 0.5, "source_azimuth_deg": math.inf},
     priors={"eta": Prior("log_uniform", *ETA_PRIOR), "k": Prior("uniform", *K_PRIOR)},
-    warnings=("première", "zweite: 5 %"),
+    warnings=(Note("NO_HASHES", "première"), Note("SATURATED", "zweite: 5 %")),
     inputs=(("capture.yaml", "0" * 64), ("raw/é.dng", "f" * 64)),
     version="0.1.0",
 )
@@ -44,6 +45,7 @@ def observations(n: int = 4) -> Observations:
         analyzer_deg=360 * nan_last - 180,
         retarder_deg=nan_last,
         retardance_deg=nan_last,
+        theta_deg_spread=0.1 * x,
         diattenuation=1 - 0.1 * x,
         light=np.column_stack([1 + x, x / 2, -x / 2, x / 4]),
         quantity=np.resize([str(q) for q in Quantity], n),
@@ -93,10 +95,10 @@ def test_round_trip(tmp_path, n):
 def test_round_trip_of_any_name_and_number(tmp_path_factory, name, number):
     path = tmp_path_factory.mktemp("any") / "obs.nc"
     rows = replace(observations(2), channel=np.array([name, "G"]), value=np.full(2, number))
-    write_observations(rows, path, attrs=replace(ABOUT, sample_name=name, warnings=(name,)))
+    write_observations(rows, path, attrs=replace(ABOUT, sample_name=name, warnings=(Note(name, name),)))
     found, about = read_observations(path)
     assert_equal(rows, found)
-    assert (about.sample_name, about.warnings) == (name, (name,))
+    assert (about.sample_name, about.warnings) == (name, (Note(name, name),))
 
 
 @pytest.mark.parametrize("nuisances", [None, {}, {"diffuse": 0.25}])

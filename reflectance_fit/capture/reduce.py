@@ -58,49 +58,60 @@ class PlaneMeans:
     """One colour plane, averaged per bin; arrays of shape (bins,).
 
     ``saturated`` counts clipped pixels, which ``mean`` includes.  ``theta``
-    (radians), ``cos_2phi`` and ``sin_2phi`` are means over the pixels, phi the
-    analyzer's angle from s; NaN for a Region.  Empty bins have NaN means.
+    (radians), its square, ``cos_2phi`` and ``sin_2phi`` are means over the
+    pixels, phi the analyzer's angle from s; NaN for a Region.  Empty bins have
+    NaN means.
     """
 
     pixels: IntArray
     saturated: IntArray
     mean: FloatArray
     theta: FloatArray
+    theta_squared: FloatArray
     cos_2phi: FloatArray
     sin_2phi: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameMeans:
-    """A frame reduced: for each kind of bins asked for, the means of every plane."""
+    """A frame reduced: for each kind of bins asked for, the means of every plane.
 
+    ``noise`` maps a plane to (a, b): the variance of a pixel is a * mean + b in
+    DN^2, by the file's noise profile; None without one.  ``scatter`` maps a
+    plane to its mean (DN above black) and the variance between neighbouring
+    pixels, both over the middle half of the sensor.
+    """
+
+    bins: tuple[Bins, ...]
     planes: tuple[dict[str, PlaneMeans], ...]
-    exposure_s: float | None
-    iso: float | None
-    # plane -> (a, b): the variance of a pixel is a * mean + b in DN^2; None without a noise profile
     noise: dict[str, tuple[float, float]] | None
+    scatter: dict[str, tuple[float, float]]
+
+    def over(self, bins: Bins) -> dict[str, PlaneMeans]:
+        """The planes' means over one of ``bins``."""
+        return self.planes[self.bins.index(bins)]
 
 
 def reduce_frame(frame: RawFrame, bins: tuple[Bins, ...]) -> FrameMeans:
     """Average ``frame`` over each of ``bins``."""
-    exposure = None if frame.exposure_s is None else float(frame.exposure_s)
+    names = sorted({str(name) for name in frame.pattern.flat})
     noise = None
     if frame.noise_profile is not None:
         # The profile speaks of (DN - black) / (white - black).
-        span = {
-            name: frame.white - float(frame.black[frame.pattern == name].mean()) for name in planes_of(frame)
-        }
+        span = {name: frame.white - float(frame.black[frame.pattern == name].mean()) for name in names}
         noise = {name: (s * span[name], o * span[name] ** 2) for name, (s, o) in frame.noise_profile.items()}
-    return FrameMeans(
-        planes=tuple({name: _plane(frame, name, which) for name in planes_of(frame)} for which in bins),
-        exposure_s=exposure,
-        iso=frame.iso,
-        noise=noise,
-    )
+    planes = tuple({name: _plane(frame, name, which) for name in names} for which in bins)
+    return FrameMeans(bins, planes, noise, {name: _scatter(frame, name) for name in names})
 
 
-def planes_of(frame: RawFrame) -> list[str]:
-    return sorted({str(name) for name in frame.pattern.ravel()})
+def _scatter(frame: RawFrame, name: str) -> tuple[float, float]:
+    """Mean, and half the mean squared difference of horizontal neighbours: blind to slow gradients."""
+    y, x = np.argwhere(frame.pattern == name)[0]
+    height, width = frame.cfa.shape
+    rows = slice(height // 4 // 2 * 2 + y, 3 * height // 4, 2)
+    columns = slice(width // 4 // 2 * 2 + x, 3 * width // 4, 2)
+    dn = frame.cfa[rows, columns].astype(np.float32)
+    return float(dn.mean() - frame.black[y, x]), float(0.5 * np.mean(np.diff(dn, axis=1) ** 2))
 
 
 def _plane(frame: RawFrame, name: str, bins: Bins) -> PlaneMeans:
@@ -111,7 +122,7 @@ def _plane(frame: RawFrame, name: str, bins: Bins) -> PlaneMeans:
         total = np.sum([np.nan_to_num(getattr(p, field)) * p.pixels for p in parts], axis=0)
         return np.asarray(np.where(pixels > 0, total / np.maximum(pixels, 1), np.nan))
 
-    angles = ("theta", "cos_2phi", "sin_2phi")
+    angles = ("theta", "theta_squared", "cos_2phi", "sin_2phi")
     known = isinstance(bins, SphereBins)
     return PlaneMeans(
         pixels=pixels,
@@ -135,6 +146,7 @@ def _site(frame: RawFrame, y: int, x: int, bins: Bins) -> PlaneMeans:
             saturated=np.array([np.count_nonzero(dn >= clip)]),
             mean=np.array([dn.mean(dtype=np.float64) - black if dn.size else np.nan]),
             theta=unknown,
+            theta_squared=unknown,
             cos_2phi=unknown,
             sin_2phi=unknown,
         )
@@ -169,6 +181,7 @@ def _site(frame: RawFrame, y: int, x: int, bins: Bins) -> PlaneMeans:
         saturated=np.bincount(bin_of, weights=dn >= clip, minlength=count).astype(np.int64),
         mean=mean(dn.astype(np.float64)) - black,
         theta=mean(theta),
+        theta_squared=mean(theta**2),
         cos_2phi=mean(np.cos(2 * phi)),
         sin_2phi=mean(np.sin(2 * phi)),
     )

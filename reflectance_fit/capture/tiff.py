@@ -66,8 +66,11 @@ class RawImage:
     noise_profile: tuple[tuple[float, float], ...] | None
 
     def black_cell(self, origin: tuple[int, int]) -> NDArray[np.float64] | None:
-        """Black levels of the 2 x 2 cell at sensor pixel ``origin`` (row, column), shape (2, 2), or None."""
-        if self.black is None or not set(self.black_repeat) <= {1, 2}:
+        """Black levels of the 2 x 2 cell at sensor pixel ``origin`` (row, column), shape (2, 2), or None.
+
+        For images that ``check_structure`` has passed.
+        """
+        if self.black is None:
             return None
         cell = np.array([float(b) for b in self.black]).reshape(self.black_repeat)
         rows, columns = np.indices((2, 2))
@@ -111,9 +114,8 @@ def read_tags(path: Path) -> RawTags:
                 return RawTags(_container(head), size)
             chain, nested = read_directories(file, size)
             return _tags(chain, nested, size, cr2=head[8:10] == b"CR")
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        reason = getattr(error, "strerror", None) or str(error)
-        raise ReflectanceFitError(Problem(str(path), None, f"cannot be read: {reason}")) from error
+    except OSError as error:
+        raise ReflectanceFitError(Problem(str(path), None, f"cannot be read: {error.strerror}")) from error
     except Malformed as error:
         message = f"its tags are damaged: {error}; copy the file from the camera again"
         raise ReflectanceFitError(Problem(str(path), None, message)) from error

@@ -100,8 +100,7 @@ class RawWorkers:
                     if answer := worker.answer(ready=connection in ready):
                         done[worker.number] = answer[0]
                         del busy[connection]
-                        if worker.alive:
-                            self._idle.append(worker)
+                        self._idle.append(worker)
         finally:
             for worker in busy.values():
                 worker.end()

@@ -32,8 +32,7 @@ _PSI = CODES[Quantity.PSI_DEG]
 
 
 @inlined
-def at_angle(rows: Rows, i: int, theta: float, p: FloatArray) -> float:
-    """Row i's model value at incidence ``theta`` (radians): gain 1, no dark, no diffuse light."""
+def _at_one_angle(rows: Rows, i: int, theta: float, p: FloatArray) -> float:
     reflection = interface(theta, p[ETA] / rows.exterior_ior, p[K] / rows.exterior_ior)
     r_s, r_p, cross_re, cross_im = reflection
     code = rows.code[i]
@@ -66,6 +65,19 @@ def at_angle(rows: Rows, i: int, theta: float, p: FloatArray) -> float:
     )
     # signal_s and signal_p are R_s and R_p times a gain; an analyzer passes half of unpolarized light.
     return signal if code == _SIGNAL else 2.0 * signal
+
+
+@inlined
+def at_angle(rows: Rows, i: int, theta: float, p: FloatArray) -> float:
+    """Row i's model value at incidence ``theta`` (radians): gain 1, no dark, no diffuse light.
+
+    A row that averages a range of angles gets the mean of two, one standard
+    deviation to either side: exact to the third moment of the range.
+    """
+    spread = rows.theta_spread[i]
+    if spread > 0:
+        return 0.5 * (_at_one_angle(rows, i, theta - spread, p) + _at_one_angle(rows, i, theta + spread, p))
+    return _at_one_angle(rows, i, theta, p)
 
 
 @inlined

@@ -39,7 +39,9 @@ _ROUNDS = 4  # of the fixed point in the gains; each gains a factor of order (si
 
 
 @kernel
-def _design(rows: Rows, p: FloatArray, f: FloatArray, slope: FloatArray, target: FloatArray, sigma: FloatArray) -> bool:
+def _design(
+    rows: Rows, p: FloatArray, f: FloatArray, slope: FloatArray, target: FloatArray, sigma: FloatArray
+) -> bool:
     """Fill model, slope, target and sigma of every row; False where an angle leaves [0, 90) degrees."""
     for i in range(len(f)):
         theta = incidence(rows, i, p)
@@ -106,7 +108,9 @@ def _inverse_diagonal(factor: FloatArray, j: int, work: FloatArray) -> float:
 
 
 @kernel
-def evaluate(rows: Rows, p: FloatArray, whitened: FloatArray, spread: FloatArray, gains: FloatArray) -> tuple[float, float, float]:
+def evaluate(
+    rows: Rows, p: FloatArray, whitened: FloatArray, spread: FloatArray, gains: FloatArray
+) -> tuple[float, float, float]:
     """chi2, log det S and the log of the gain integral for one full parameter vector.
 
     Fills ``whitened`` (N residuals whose squares sum to chi2), ``spread`` (each

@@ -50,6 +50,7 @@ def sample(
     """
     dimensions = len(model.names)
     walkers = max(WALKERS, 4 * dimensions)
+
     def log_density(x: FloatArray) -> FloatArray:
         prior = model.log_prior(x)
         inside = np.isfinite(prior)
@@ -62,7 +63,9 @@ def sample(
     for ensemble in range(ENSEMBLES):
         bits = np.random.MT19937(np.random.SeedSequence([*seed, ensemble]))
         first = _first_walkers(candidates, density, walkers, np.random.Generator(bits))
-        samplers.append(emcee.EnsembleSampler(walkers, dimensions, log_density, vectorize=True, moves=_moves()))
+        samplers.append(
+            emcee.EnsembleSampler(walkers, dimensions, log_density, vectorize=True, moves=_moves())
+        )
         states.append(emcee.State(first, random_state=np.random.RandomState(bits).get_state()))
 
     steps, burn_in = 0, 0
@@ -147,9 +150,7 @@ def _diagnose(model: Model, chains: FloatArray) -> tuple[dict[str, float], dict[
     for j, name in enumerate(model.names):
         parameter = chains[..., j].reshape(ensembles * walkers, draws)
         ess[name] = float(array_stats.ess(parameter, chain_axis=0, draw_axis=1))
-        rhat[name] = float(
-            array_stats.rhat_nested(parameter, superchain_ids=ids, chain_axis=0, draw_axis=1)
-        )
+        rhat[name] = float(array_stats.rhat_nested(parameter, superchain_ids=ids, chain_axis=0, draw_axis=1))
     return ess, rhat
 
 

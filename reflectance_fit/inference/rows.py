@@ -30,6 +30,7 @@ class Rows(NamedTuple):
     code: IntArray
     theta: FloatArray
     theta_sigma: FloatArray
+    theta_spread: FloatArray
     analyzer: FloatArray
     retarder: FloatArray
     retardance: FloatArray
@@ -64,9 +65,7 @@ def pack(observations: Observations, exterior_ior: float) -> Rows:
     estimated = {name: i for i, name in enumerate(estimated_names(o))}
     gain = np.array([gains.get(str(name), -1) for name in o.gain_group], dtype=np.int64)
     code = np.array([CODES[Quantity(str(q))] for q in o.quantity], dtype=np.int64)
-    sigma_index = [
-        estimated[str(q)] if np.isnan(s) else -1 for q, s in zip(o.quantity, o.sigma, strict=True)
-    ]
+    sigma_index = [estimated[str(q)] if np.isnan(s) else -1 for q, s in zip(o.quantity, o.sigma, strict=True)]
     keys = [f"{s}|{t!r}|{e!r}" for s, t, e in zip(o.set, o.theta_deg, o.theta_deg_sigma, strict=True)]
     settings, setting = np.unique(np.array(keys), return_inverse=True)
     power = code <= LAST_POWER
@@ -78,6 +77,7 @@ def pack(observations: Observations, exterior_ior: float) -> Rows:
         code=code,
         theta=np.radians(o.theta_deg),
         theta_sigma=np.radians(o.theta_deg_sigma),
+        theta_spread=np.radians(o.theta_deg_spread),
         analyzer=np.radians(o.analyzer_deg),
         retarder=np.radians(o.retarder_deg),
         retardance=np.radians(o.retardance_deg),

@@ -69,7 +69,8 @@ def fit_channel(
         observations=observations,
         optimum=optima[chosen],
         candidates=tuple(
-            Candidate(o.model, len(o.parameters) + len(o.gains), o.chi2, o.dof, o.bic) for o in optima.values()
+            Candidate(o.model, len(o.parameters) + len(o.gains), o.chi2, o.dof, o.bic)
+            for o in optima.values()
         ),
         chosen_because=reason,
         posterior=samples,

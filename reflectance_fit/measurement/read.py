@@ -20,7 +20,7 @@ from reflectance_fit.manifests import Polarization
 from reflectance_fit.measurement.checks import check_values
 from reflectance_fit.measurement.keys import QUANTITIES
 from reflectance_fit.measurement.manifest import Manifest, read_manifest
-from reflectance_fit.measurement.measurement import Measurement
+from reflectance_fit.measured import Measurement, Note
 from reflectance_fit.measurement.tables import Columns, open_table, read_columns
 from reflectance_fit.measurement.woollam import read_woollam
 from reflectance_fit.nuisances import nuisance_sigmas
@@ -63,7 +63,7 @@ def read_measurement(path: str | Path) -> Measurement:
         observations=observations,
         nuisances=nuisances,
         priors=manifest.priors.by_name(),
-        warnings=tuple(dict.fromkeys(warnings)),
+        warnings=tuple(Note("ROWS_IGNORED", text) for text in dict.fromkeys(warnings)),
         inputs=tuple(inputs.items()),
     )
 
@@ -175,6 +175,7 @@ def _rows(
         analyzer_deg=column("analyzer_deg") if analyzed else np.full(n, math.nan),
         retarder_deg=column("retarder_deg") if retarded else np.full(n, math.nan),
         retardance_deg=column("retardance_deg", 90.0) if retarded else np.full(n, math.nan),
+        theta_deg_spread=np.zeros(n),
         diattenuation=np.ones(n),
         light=np.tile(light.vector(), (n, 1)),
         quantity=label(str(quantity)),

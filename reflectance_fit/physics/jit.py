@@ -54,7 +54,9 @@ def _compile(function: Function, *, forceinline: bool) -> Function:
     before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
     numba.config.CACHE_DIR = str(_FOLDER or before)  # type: ignore[attr-defined]
     try:
-        compiled: Any = njit(cache=_FOLDER is not None, error_model="numpy", forceinline=forceinline)(function)
+        compiled: Any = njit(cache=_FOLDER is not None, error_model="numpy", forceinline=forceinline)(
+            function
+        )
         return cast(Function, compiled)
     finally:
         numba.config.CACHE_DIR = before  # type: ignore[attr-defined]

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from reflectance_fit.measured import Note
 from reflectance_fit.report import literature, schema
 from reflectance_fit.report.approximations import schlick_errors
 from reflectance_fit.report.numbers import short
@@ -24,19 +25,22 @@ def build_report(
     *,
     sample_name: str,
     exterior_ior: float,
-    notes: Sequence[str],
+    notes: Sequence[Note],
     seed: int,
     inputs: Sequence[tuple[str, str]],
     seconds: Mapping[str, float] | None,
 ) -> schema.Report:
     """The report of all ``fits``.
 
-    ``notes`` are the reader's warnings about rows left out, ``inputs`` pairs
+    ``notes`` are what the reader had to tell, ``inputs`` pairs
     of file and sha256.  ``seconds`` are times a stage; with None nothing in
     the report depends on the clock, so equal runs give equal bytes.
     """
     channels = []
-    warnings = [schema.Warning(code="ROWS_IGNORED", channel=None, message=note) for note in notes]
+    warnings = [
+        schema.Warning(code=note.code, channel=None, message=note.message)  # type: ignore[arg-type]
+        for note in notes
+    ]
     for index, fit in enumerate(fits):
         table, disagreement = literature.compare(sample_name, fit)
         channels.append(_channel(fit, index, table, timed=seconds is not None))
@@ -76,7 +80,9 @@ def _priors(fits: Sequence[Fit]) -> dict[str, Any]:
     for name in dict.fromkeys(name for fit in fits for name in fit.priors):
         stated = {fit.channel: fit.priors[name].as_yaml() for fit in fits if name in fit.priors}
         same = len({str(prior) for prior in stated.values()}) == 1
-        common |= {name: next(iter(stated.values()))} if same else {f"{name} ({c})": p for c, p in stated.items()}
+        common |= (
+            {name: next(iter(stated.values()))} if same else {f"{name} ({c})": p for c, p in stated.items()}
+        )
     return common
 
 

@@ -32,7 +32,7 @@ def sleep(frame: RawFrame, seconds: float) -> float:
 
 
 def spin(frame: RawFrame) -> int:
-    # The limit of processor time that the worker has set itself is near.
+    # Brings the worker's own limit of processor time near.
     import resource
 
     resource.setrlimit(resource.RLIMIT_CPU, (int(time.process_time()) + 1, -1))
@@ -66,6 +66,7 @@ def surroundings(frame: RawFrame) -> dict[str, Any]:
         "pid": os.getpid(),
         "modules": sorted(sys.modules),
         "core": resource.getrlimit(resource.RLIMIT_CORE),
+        "processor_s": resource.getrlimit(resource.RLIMIT_CPU)[0] - time.process_time(),
         "address_space": resource.getrlimit(resource.RLIMIT_AS)[0],
         "interrupt": signal.getsignal(signal.SIGINT) == signal.SIG_IGN,
     }

@@ -55,6 +55,7 @@ def test_everything_comes_back(tmp_path, pattern, bits, shape):
         page = file.pages[0]
         np.testing.assert_array_equal(page.asarray(), cfa)
         tags = {tag.code: tag.value for tag in page.tags}
+    assert list(tags) == sorted(tags)  # as TIFF demands
     assert tags[274] == 1
     assert (tags[50714], tags[50717]) == (black, white)
     assert tags[51041] == tuple(x for pair in pairs for x in pair)

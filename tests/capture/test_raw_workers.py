@@ -6,6 +6,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,20 @@ import pytest
 
 from reflectance_fit.capture.raw import decode
 from reflectance_fit.capture.workers import FrameError, RawWorkers
+from reflectance_fit.data_synthetic.dng import DngMetadata, write_dng
+
+METADATA = DngMetadata("RGGB", 14, (512, 513, 514, 515), 16000, Fraction(1, 125), 200)
+
+
+@pytest.fixture
+def frame(tmp_path: Path) -> Callable[..., Path]:
+    def frame(name: str = "a.dng", seed: int = 0) -> Path:
+        """A noisy 48 x 64 frame in the test's folder."""
+        cfa = np.random.default_rng(seed).integers(0, 2**14, (48, 64), dtype=np.uint16)
+        write_dng(tmp_path / name, cfa, METADATA)
+        return tmp_path / name
+
+    return frame
 
 
 @pytest.fixture(scope="module")
@@ -184,16 +200,22 @@ def test_a_closed_iterator_and_a_closed_pool_leave_no_process(reducers, frame):
             os.kill(pid, 0)
 
 
-def test_workers_are_limited_quiet_and_light(workers, reducers, frame, capfd):
+def test_workers_are_limited_and_light(workers, reducers, frame):
     path = frame()
     (found,) = workers.map([(path, reducers.surroundings, ())])
     assert found["core"] == (0, 0)
     assert found["interrupt"]
+    assert 20 < found["processor_s"] <= 22
     if sys.platform == "linux":
         assert found["address_space"] == 1_500_000_000 + 32 * path.stat().st_size
     heavy = {"scipy", "numba", "cv2", "pydantic", "click", "matplotlib", "pytest", "colour"}
     assert heavy & {name.partition(".")[0] for name in found["modules"]} == set()
-    assert list(workers.map([(path, reducers.write_streams, ())])) == [1]
+
+
+def test_workers_print_nothing(reducers, frame, capfd):
+    # Processes started here, which inherit the streams of this test.
+    with RawWorkers(1) as workers:
+        assert list(workers.map([(frame(), reducers.write_streams, ())])) == [1]
     assert capfd.readouterr() == ("", "")
 
 

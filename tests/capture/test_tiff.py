@@ -1,5 +1,6 @@
 """Tags are exact, structure is checked, and hostile bytes cost an error at most."""
 
+import contextlib
 import struct
 import time
 from fractions import Fraction
@@ -127,6 +128,7 @@ def test_values_are_exact_in_both_byte_orders(write, endian):
     )
     assert found.dng
     assert (found.exposure_s, found.iso, found.orientation) == (Fraction(1, 125), 3200, 6)
+    assert (found.image.photometric, found.image.bits, found.image.cfa_pattern) == (CFA, (16,), (0, 1, 1, 2))
     assert found.image.black == (Fraction(513, 2), 256, Fraction(1025, 4), Fraction(1, 3))
     assert found.image.noise_profile == ((1e-4, 1e-7), (2e-4, 2e-7), (3e-4, 3e-7))
     assert found.image.extents == ((path.stat().st_size - PIXELS.nbytes, PIXELS.nbytes),)
@@ -202,6 +204,8 @@ def test_noise_profiles_that_are_none(write, profile):
         ({"t50713": (SHORT, [4, 1]), "t50714": (SHORT, [1, 2, 3, 4])}, "4 x 1"),
         ({"t279": (LONG, [6143])}, "too short"),
         ({"t278": (LONG, [24])}, "1 of 2 pieces"),
+        ({"t279": (LONG, [6144, 6144])}, "different numbers"),
+        (dict.fromkeys((f"t{tag}" for tag in range(60_000, 61_025)), (SHORT, [0])), "entries"),
         ({"t273": (LONG, [5000])}, "cut off"),
         ({"t262": (SHORT, [2]), "t50706": None}, "plain TIFF"),
         ({"t262": (SHORT, [1])}, "plain TIFF"),
@@ -244,6 +248,15 @@ def test_files_that_are_something_else(write, tmp_path):
     assert "no such file" in refusal(tmp_path / "none.dng")
     assert "no ordinary file" in refusal(tmp_path)
     assert "no ordinary file" in refusal(Path("/dev/zero"))
+
+
+def test_a_file_that_may_not_be_read(write, monkeypatch):
+    def refuse(*_, **__):
+        raise PermissionError(13, "Permission denied")
+
+    path = write(BASE)
+    monkeypatch.setattr(Path, "open", refuse)
+    assert refusal(path) == "cannot be read: Permission denied"
 
 
 def test_a_picture_of_one_value(write):
@@ -303,10 +316,8 @@ def survives(folder: Path, data: bytes) -> None:
     path = folder / "a.dng"
     path.write_bytes(data)
     start = time.perf_counter()
-    try:
+    with contextlib.suppress(ReflectanceFitError):
         tags_of(path)
-    except ReflectanceFitError as error:
-        assert len(str(error)) < 400 + len(str(path))
     assert time.perf_counter() - start < 1
 
 

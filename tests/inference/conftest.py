@@ -40,6 +40,7 @@ def make_observations(
         analyzer_deg=full(analyzer_deg),
         retarder_deg=retarder,
         retardance_deg=np.where(np.isnan(retarder), np.nan, 90.0),
+        theta_deg_spread=np.zeros(n),
         diattenuation=np.ones(n),
         light=np.tile(np.asarray(light, dtype=float), (n, 1)),
         quantity=np.full(n, str(Quantity(quantity))),

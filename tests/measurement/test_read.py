@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from reflectance_fit.errors import ReflectanceFitError
-from reflectance_fit.measurement.measurement import Measurement
+from reflectance_fit.measured import Measurement
 from reflectance_fit.measurement.read import read_measurement
 from reflectance_fit.observations import Observations
 

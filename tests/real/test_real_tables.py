@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reflectance_fit.measurement.measurement import Measurement
+from reflectance_fit.measured import Measurement
 from reflectance_fit.measurement.read import read_measurement
 
 VASE = "ellipsometry/trujillo_vase"
@@ -86,7 +86,7 @@ def test_absolute_reflectances(read, polarization):
 def test_anisotropic_rows_are_counted(read, name):
     m = read("tables: [{file: t0, format: woollam_vase}]\n", f"{VASE}/pR_sR/{name}")
     assert len(m.observations) == 4056 * 2
-    (warning,) = m.warnings
+    ((_, warning),) = m.warnings
     assert "4056 tagged Aps, 4056 tagged Asp" in warning
 
 
@@ -99,7 +99,7 @@ def test_completeease(read):
     assert len(m.observations) == 398
     assert m.observations.value[0] == 21.4553
     assert m.observations.sigma[0] == 0.0140
-    assert "398 tagged dPolE, 398 tagged uR" in m.warnings[0]
+    assert "398 tagged dPolE, 398 tagged uR" in m.warnings[0].message
 
 
 def test_wvase_example(read):
@@ -110,7 +110,7 @@ def test_wvase_example(read):
     first = m.observations.select(m.observations.theta_deg == 65)
     assert first.value.tolist() == [12.140821, 1.5609661]
     assert first.sigma.tolist() == [0.37071, 3.46024]
-    assert "284 tagged dpolE" in m.warnings[0]
+    assert "284 tagged dpolE" in m.warnings[0].message
 
 
 def test_instrument_export_with_title_and_header(read):

@@ -1,17 +1,25 @@
-"""What a measurement.yaml and its tables come to: the input of a fit."""
+"""What tables or photographs come to: the input of a fit."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from reflectance_fit.observations import Observations
 from reflectance_fit.priors import Prior
 
 
+class Note(NamedTuple):
+    """Something a reader has to tell: one of the report's warning codes, and the words."""
+
+    code: str
+    message: str
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Measurement:
-    """Observations, and what their file says about fitting them.
+    """Observations, and what their manifest says about fitting them.
 
     ``exterior_ior`` is the index around the sample.  ``nuisances`` maps name
     to the sigma of its prior, inf for flat; None where the file leaves the
@@ -25,5 +33,5 @@ class Measurement:
     observations: Observations
     nuisances: dict[str, float] | None
     priors: dict[str, Prior]
-    warnings: tuple[str, ...]
+    warnings: tuple[Note, ...]
     inputs: tuple[tuple[str, str], ...]

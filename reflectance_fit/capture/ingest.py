@@ -1,0 +1,132 @@
+"""A capture's photographs to observations: decoded apart, reduced, calibrated, one row a bin."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from reflectance_fit.capture.frames import Capture, Exposure, Frame, Sphere, darks_for, flats_for
+from reflectance_fit.capture.geometry import bins_of
+from reflectance_fit.capture.observe import Calibrated, calibrate, flat_rows, sphere_rows
+from reflectance_fit.capture.reduce import Bins, FrameMeans, reduce_frame
+from reflectance_fit.capture.settings import check_hashes, read_settings
+from reflectance_fit.capture.workers import FrameError, RawWorkers
+from reflectance_fit.errors import Problem, ReflectanceFitError
+from reflectance_fit.measured import Measurement, Note
+from reflectance_fit.nuisances import nuisance_sigmas
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ingested:
+    """What a fit needs, and what became of every photograph.
+
+    ``samples`` are the sample frames that were used, ``rejected`` maps the
+    others' files to the reason, ``settings`` every file's exposure and ISO.
+    """
+
+    capture: Capture
+    measurement: Measurement
+    samples: tuple[Calibrated, ...]
+    rejected: dict[str, str]
+    settings: dict[Path, Exposure]
+
+
+def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
+    """Decode, reduce and calibrate every frame of ``capture``.
+
+    ``progress`` is called with (what, frames done, frames in all).  Raises
+    ReflectanceFitError for hashes that do not match, unknown exposures, mixed
+    ISO, files that are no raw photographs, and captures of which nothing is
+    left.  A file that kills its decoder costs that frame and a warning.
+    """
+    hashes = check_hashes(capture)
+    settings = read_settings(capture)
+    means, errors = _decode(_jobs(capture, settings), progress)
+    rejected = {frame.file: errors[frame.path] for frame in capture.frames if frame.path in errors}
+    _check_planes(capture, means)
+    samples = [
+        _calibrated(capture, frame, settings, means)
+        for frame in capture.role("sample")
+        if frame.path in means
+    ]
+    if not samples:
+        problems = [Problem(str(capture.path), None, f"{file} {reason}") for file, reason in rejected.items()]
+        raise ReflectanceFitError(problems)
+    observations = (sphere_rows if isinstance(capture.geometry, Sphere) else flat_rows)(capture, samples)
+    stated = capture.nuisances
+    notes = [Note("ROWS_IGNORED", f"{file} {reason}") for file, reason in rejected.items()]
+    if any(frame.sha256 is None for frame in capture.frames):
+        notes.append(
+            Note("NO_HASHES", "a damaged photograph can pass unnoticed; ingest --write-hashes states them")
+        )
+    measurement = Measurement(
+        path=capture.path,
+        sample_name=capture.sample_name,
+        exterior_ior=capture.exterior_ior,
+        observations=observations,
+        nuisances=None if stated is None else nuisance_sigmas(stated, capture.document, observations),
+        priors=capture.priors,
+        warnings=tuple(notes),
+        inputs=(*capture.inputs, *((frame.file, hashes[frame.path]) for frame in capture.frames)),
+    )
+    return Ingested(capture, measurement, tuple(samples), rejected, settings)
+
+
+def _jobs(capture: Capture, settings: Mapping[Path, Exposure]) -> dict[Path, tuple[Bins, ...]]:
+    """Which bins each file is averaged over: a dark or flat over those of every frame it serves."""
+    wanted: dict[Path, dict[Bins, None]] = {}
+    for frame in capture.role("sample"):
+        flats = flats_for(frame, capture.frames)
+        darks = [dark for one in (frame, *flats) for dark in darks_for(one, capture.frames, settings)]
+        for file in (frame, *flats, *darks):
+            wanted.setdefault(file.path, {})[bins_of(capture, frame)] = None
+    return {path: tuple(bins) for path, bins in wanted.items()}
+
+
+def _decode(
+    jobs: Mapping[Path, tuple[Bins, ...]], progress: Progress | None
+) -> tuple[dict[Path, FrameMeans], dict[Path, str]]:
+    """Each file's means, and why the others have none."""
+    means: dict[Path, FrameMeans] = {}
+    errors: dict[Path, str] = {}
+    with RawWorkers() as workers:
+        answers = workers.map((path, reduce_frame, (bins,)) for path, bins in jobs.items())
+        for done, (path, answer) in enumerate(zip(jobs, answers, strict=True), 1):
+            if isinstance(answer, FrameError):
+                errors[path] = answer.reason
+            else:
+                means[path] = answer
+            if progress:
+                progress("reading frames", done, len(jobs))
+    return means, errors
+
+
+def _calibrated(
+    capture: Capture, frame: Frame, settings: Mapping[Path, Exposure], means: Mapping[Path, FrameMeans]
+) -> Calibrated:
+    def darks(one: Frame) -> list[FrameMeans]:
+        return [means[d.path] for d in darks_for(one, capture.frames, settings) if d.path in means]
+
+    flats = [
+        (means[flat.path], settings[flat.path].seconds or 1.0, darks(flat))
+        for flat in flats_for(frame, capture.frames)
+        if flat.path in means
+    ]
+    return calibrate(
+        capture, frame, settings[frame.path], bins_of(capture, frame), means[frame.path], darks(frame), flats
+    )
+
+
+def _check_planes(capture: Capture, means: Mapping[Path, FrameMeans]) -> None:
+    """A colour sensor stated mono, or the other way round, is the manifest's fault: say it once."""
+    wanted = {"mono"} if capture.sensor == "mono" else set(capture.channels)
+    for frame in capture.frames:
+        if frame.path in means and not wanted <= set(means[frame.path].planes[0]):
+            has = ", ".join(sorted(means[frame.path].planes[0]))
+            message = (
+                f"{frame.file} has the planes {has}, but camera.sensor says {capture.sensor}; correct it"
+            )
+            raise ReflectanceFitError(Problem(str(capture.path), frame.line, message))

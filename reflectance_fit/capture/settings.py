@@ -1,0 +1,63 @@
+"""What must be right before a photograph is decoded: hashes, structure, exposure and ISO."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from reflectance_fit.capture.frames import Capture, Exposure, Frame
+from reflectance_fit.capture.tiff import check_structure, read_tags
+from reflectance_fit.errors import Problem, ReflectanceFitError
+from reflectance_fit.inputs import sha256_of
+
+
+def check_hashes(capture: Capture) -> dict[Path, str]:
+    """sha256 of every file; raises for those that are not what the manifest says."""
+    found = {frame.path: sha256_of(frame.path) for frame in capture.frames}
+    problems = [
+        _at(
+            capture,
+            frame,
+            f"has changed: its sha256 is {found[frame.path][:12]}..., not {frame.sha256[:12]}...; "
+            "restore the file, or state its new hash",
+        )
+        for frame in capture.frames
+        if frame.sha256 is not None and frame.sha256.lower() != found[frame.path]
+    ]
+    if problems:
+        raise ReflectanceFitError(problems)
+    return found
+
+
+def read_settings(capture: Capture) -> dict[Path, Exposure]:
+    """Exposure and ISO of every frame: the manifest's, else the file's.
+
+    Raises for files that are no raw photographs, unknown exposures, and more
+    than one ISO, with the line of each frame.
+    """
+    problems: list[Problem] = []
+    settings: dict[Path, Exposure] = {}
+    for frame in capture.frames:
+        try:
+            tags = read_tags(frame.path)
+            check_structure(tags, frame.file)
+        except ReflectanceFitError as error:
+            problems += [_at(capture, frame, p.message) for p in error.problems]
+            continue
+        seconds = None if tags.exposure_s is None else float(tags.exposure_s)
+        settings[frame.path] = frame.settings(
+            Exposure(seconds, None if tags.iso is None else float(tags.iso))
+        )
+        if not settings[frame.path].seconds:
+            problems.append(_at(capture, frame, "has no exposure time; state exposure_s"))
+    isos = sorted({s.iso for s in settings.values() if s.iso is not None})
+    if len(isos) > 1:
+        text = ", ".join(f"{iso:g}" for iso in isos)
+        message = f"the frames were taken at ISO {text}: their gains and noise differ; use one"
+        problems.append(Problem(str(capture.path), None, message))
+    if problems:
+        raise ReflectanceFitError(problems)
+    return settings
+
+
+def _at(capture: Capture, frame: Frame, message: str) -> Problem:
+    return Problem(str(capture.path), frame.line, f"{frame.file} {message}")
