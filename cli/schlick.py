@@ -40,7 +40,7 @@ def schlick(
     """
     if sum(given is not None for given in (report, eta, material)) != 1:
         raise click.UsageError("give exactly one of --eta, --material and REPORT.yaml")
-    from reflectance_fit.workflow import schlick_errors
+    from reflectance_fit.workflow_schlick import schlick_errors
 
     from .tables import print_approximations
 

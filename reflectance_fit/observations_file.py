@@ -212,6 +212,7 @@ def _rules(o: Observations) -> list[tuple[str, NDArray[Any]]]:
         ),
         ("theta_deg must be 0 to below 90", ~((o.theta_deg >= 0) & (o.theta_deg < 90))),
         ("theta_deg_sigma must be 0 or above", ~((o.theta_deg_sigma >= 0) & np.isfinite(o.theta_deg_sigma))),
+        ("theta_deg_spread must be 0 to 90", ~((o.theta_deg_spread >= 0) & (o.theta_deg_spread <= 90))),
         ("analyzer and retarder angles must be finite, or NaN", np.isinf(angles)),
         ("diattenuation must be above 0 and at most 1", ~((o.diattenuation > 0) & (o.diattenuation <= 1))),
         ("light_s0 must be above 0", ~((s0 > 0) & np.isfinite(s0))),

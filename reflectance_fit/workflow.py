@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 import re
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -21,21 +20,15 @@ from reflectance_fit.errors import ReflectanceFitError
 from reflectance_fit.files import check_writable, write_together
 from reflectance_fit.inference.predict import predictor
 from reflectance_fit.inference.run import MODELS, fit_channel
-from reflectance_fit.material import Material
-from reflectance_fit.materials import library
-from reflectance_fit.materials.loader import AIR_INDEX
 from reflectance_fit.measurement.manifest import Manifest
 from reflectance_fit.measured import Measurement
 from reflectance_fit.measurement.read import read_measurement
 from reflectance_fit.observations import Flag
 from reflectance_fit.observations_columns import observations_schema
-from reflectance_fit.physics.domain import checked_index
-from reflectance_fit.report.approximations import schlick_errors as schlick_errors_of
 from reflectance_fit.report.build import build_report
 from reflectance_fit.report.netcdf import write_posterior
-from reflectance_fit.report.read import material_of, read_report
-from reflectance_fit.report.schema import Report, SchlickError
-from reflectance_fit.report.write import approximations_yaml, report_yaml, write_text
+from reflectance_fit.report.schema import Report
+from reflectance_fit.report.write import report_yaml, write_text
 from reflectance_fit.result import Fit
 
 Progress = Callable[[str, int, int], None]
@@ -81,7 +74,7 @@ class FitResult:
 
 
 def fit(
-    source: Measurement | Path | str,
+    source: Measurement | Capture | Path | str,
     *,
     model: str = "auto",
     seed: int = 0,
@@ -92,8 +85,8 @@ def fit(
 
     Parameters
     ----------
-    source : Measurement or path
-        A measurement, or the path of a measurement.yaml.
+    source : Measurement, Capture or path
+        What to fit, or the path of a measurement.yaml, capture.yaml or OBS.nc.
     model : {"auto", "dielectric", "conductor"}
         auto takes whichever has the lower BIC.
     seed : int
@@ -101,7 +94,7 @@ def fit(
     timings : bool
         Without them the report holds no wall-clock figure.
     progress : callable, optional
-        Called with (channel, steps done, steps at most) while sampling.
+        Called with (what, done, of how many) while frames are read and posteriors sampled.
 
     Raises
     ------
@@ -111,13 +104,14 @@ def fit(
     if model not in ("auto", *MODELS):
         raise ReflectanceFitError(f"unknown model '{model}'; choose auto, {' or '.join(MODELS)}")
     started = time.perf_counter()
-    measurement = source if isinstance(source, Measurement) else read_measurement(Path(source))
-    read = time.perf_counter()
+    measurement = source if isinstance(source, Measurement) else _measurement(source, progress)
+    ingested = time.perf_counter()
     _log.info("%s: %d rows", measurement.path, len(measurement.observations))
-    fits = []
+    fits, notes = [], list(measurement.warnings)
     for index, (channel, rows) in enumerate(measurement.observations.channels()):
         if not np.any(rows.flag == Flag.USED):
-            raise ReflectanceFitError(f"{measurement.path}: no usable row for {channel}; all are saturated")
+            notes.append(Note("SATURATED", f"{channel} is left out: all of its {len(rows)} rows are saturated"))
+            continue
         fits.append(
             fit_channel(
                 channel,
@@ -131,12 +125,15 @@ def fit(
             )
         )
         _log_fit(fits[-1])
-    seconds = {"read": read - started, "fit": time.perf_counter() - read}
+    if not fits:
+        message = "every row is saturated; expose less, or correct the saturation level"
+        raise ReflectanceFitError(Problem(str(measurement.path), None, message))
+    seconds = {"ingest": ingested - started, "fit": time.perf_counter() - ingested}
     report = build_report(
         fits,
         sample_name=measurement.sample_name,
         exterior_ior=measurement.exterior_ior,
-        notes=measurement.warnings,
+        notes=notes,
         seed=seed,
         inputs=measurement.inputs,
         seconds=seconds if timings else None,
@@ -177,34 +174,36 @@ def fit_to_folder(
     return result
 
 
-def demo(
-    folder: Path,
-    materials: Sequence[str],
-    *,
-    seed: int,
-    plots: bool,
-    progress: Progress,
-    drawing: Callable[[str], None],
-) -> Iterator[tuple[str, Report, Truth]]:
-    """Fit the shipped example of each material; yields its report beside the truth.
+def ingest_to_file(
+    source: Path, out: Path, *, write_hashes: bool, progress: Progress
+) -> Ingested:
+    """Read the photographs of a capture.yaml and write their observations to ``out``.
 
-    Writes DIR/MATERIAL/measurement/ (the example's files) and DIR/MATERIAL/result/.
+    With ``write_hashes`` the sha256 of every frame is written into the
+    capture.yaml first.
     """
-    check_writable(folder)
-    for material in materials:
-        here = folder / material
-        truth = copy_example(material, here / "measurement")
-        result = fit_to_folder(
-            here / "measurement" / "measurement.yaml",
-            here / "result",
-            model="auto",
-            seed=seed,
-            plots=plots,
-            timings=True,
-            progress=progress,
-            drawing=drawing,
-        )
-        yield material, result.report, truth
+    check_writable(out.parent)
+    if write_hashes:
+        capture = read_capture(source)
+        hashes = {frame.file: sha256_of(frame.path) for frame in capture.frames}
+        write_whole(source, lambda part: write_hashes_into(source, part, hashes))
+    ingested = ingest(read_capture(source), progress=progress)
+    write_observations(ingested.measurement, out)
+    return ingested
+
+
+def _measurement(source: Capture | Path | str, progress: Progress | None) -> Measurement:
+    """What ``source`` comes to, by what it is: the ending of an OBS.nc, the schema of a manifest."""
+    if isinstance(source, Capture):
+        return ingest(source, progress=progress).measurement
+    path = Path(source)
+    if path.suffix == ".nc":
+        return read_observations(path)
+    data = load(path).data
+    schema = str(data.get("schema", "")) if isinstance(data, dict) else ""
+    if schema.startswith("reflectance_fit/capture/"):
+        return ingest(read_capture(path), progress=progress).measurement
+    return read_measurement(path)
 
 
 def json_schema(name: str) -> dict[str, Any]:
@@ -218,75 +217,3 @@ def json_schema(name: str) -> dict[str, Any]:
         "truth": TruthFile,
     }
     return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | models[name].model_json_schema()
-
-
-def schlick_errors(
-    *,
-    report: Path | None = None,
-    eta: float | None = None,
-    k: float = 0.0,
-    material: str | None = None,
-    wavelength_nm: float = 550.0,
-    folder: Path | None = None,
-) -> list[tuple[str, SchlickError]]:
-    """Errors of every approximation for each channel of a report, for an index, or for a built-in material.
-
-    ``eta`` and ``k`` are relative to the exterior; a built-in material is seen
-    from air.  Titles come with the errors.  With ``folder``, schlick.yaml and
-    a plot a channel are written there.
-    """
-    if folder is not None:
-        check_writable(folder)
-    if report is not None:
-        subject = material_of(read_report(report), report)
-    elif material is not None:
-        subject = _built_in(material, wavelength_nm)
-    else:
-        if eta is None:
-            raise ReflectanceFitError("give an index, a material or a report")
-        try:
-            checked_index(eta, k)
-        except ValueError as error:
-            raise ReflectanceFitError(str(error)) from error
-        subject = Material(
-            "given index", "", ("index",), np.array([math.nan]), np.array([eta]), np.array([k])
-        )
-    relative_eta, relative_k = subject.relative
-    results = [
-        (
-            f"{subject.name}, {channel}: eta = {n:.4f}, k = {x:.4f} (relative)",
-            schlick_errors_of(n, x, timed=True),
-        )
-        for channel, n, x in zip(
-            subject.channels, map(float, relative_eta), map(float, relative_k), strict=True
-        )
-    ]
-    if folder is not None:
-        from reflectance_fit.plot.schlick import draw_approximations
-        from reflectance_fit.plot.style import save
-        from reflectance_fit.plot.text import slugs
-
-        endings = [""] if len(results) == 1 else [f"-{slug}" for slug in slugs(subject.channels)]
-
-        def fill(stage: Path) -> None:
-            for ending, (title, _), n, x in zip(endings, results, relative_eta, relative_k, strict=True):
-                save(draw_approximations(title, float(n), float(x)), stage, f"schlick{ending}")
-            text = approximations_yaml(subject, [errors for _, errors in results])
-            write_text(text, stage / "schlick.yaml")
-
-        write_together(folder, fill, last="schlick.yaml")
-    return results
-
-
-def _built_in(name: str, wavelength_nm: float) -> Material:
-    constants = library.get(name)
-    eta, k = constants.absolute_index(wavelength_nm)
-    return Material(
-        name=constants.name,
-        source=constants.source,
-        channels=(f"{wavelength_nm:g} nm",),
-        wavelength_nm=np.array([wavelength_nm]),
-        eta=np.array([float(eta)]),
-        k=np.array([float(k)]),
-        exterior_ior=AIR_INDEX,
-    )

@@ -176,6 +176,7 @@ BAD_COLUMNS = [
     ("sigma", [0.0, 1, 1, 1], "sigma must be above 0"),
     ("theta_deg", [90.0, 1, 1, 1], "theta_deg must be 0 to below 90"),
     ("theta_deg_sigma", [-1.0, 1, 1, 1], "theta_deg_sigma must be 0 or above"),
+    ("theta_deg_spread", [np.nan, 1, 1, 1], "theta_deg_spread must be 0 to 90"),
     ("wavelength_nm", [0.5, 500, 500, 500], "wavelength_nm must be 100 to 20000"),
     ("analyzer_deg", [np.inf, 1, 1, 1], "analyzer and retarder angles must be finite"),
     ("diattenuation", [0.0, 1, 1, 1], "diattenuation must be above 0"),

@@ -23,17 +23,35 @@ _OFFSET, _DARK, _DIFFUSE, _DOLP, _AZIMUTH, _ANALYZER, _DIATTENUATION = range(FIR
 _REFLECTANCE_S = CODES[Quantity.REFLECTANCE_S]
 _REFLECTANCE_P = CODES[Quantity.REFLECTANCE_P]
 _REFLECTANCE = CODES[Quantity.REFLECTANCE]
-_SIGNAL_S = CODES[Quantity.SIGNAL_S]
-_SIGNAL_P = CODES[Quantity.SIGNAL_P]
 _SIGNAL = CODES[Quantity.SIGNAL]
 _RATIO = CODES[Quantity.RATIO_PS]
 _DOLP_VALUE = CODES[Quantity.DOLP]
 _PSI = CODES[Quantity.PSI_DEG]
 
 
+# What a full parameter vector means for every row: cosine and sine of the angle offset, of
+# twice the analyzer's, and the source's added S1 and S2 a unit of unpolarized light.
+Turns = tuple[float, float, float, float, float, float]
+
+
 @inlined
-def _at_one_angle(rows: Rows, i: int, theta: float, p: FloatArray) -> float:
-    reflection = interface(theta, p[ETA] / rows.exterior_ior, p[K] / rows.exterior_ior)
+def turns_of(p: FloatArray) -> Turns:
+    """The trigonometry of a vector, once for all rows."""
+    offset, analyzer = math.radians(p[_OFFSET]), 2 * math.radians(p[_ANALYZER])
+    azimuth = 2 * math.radians(p[_AZIMUTH])
+    return (
+        math.cos(offset),
+        math.sin(offset),
+        math.cos(analyzer),
+        math.sin(analyzer),
+        p[_DOLP] * math.cos(azimuth),
+        p[_DOLP] * math.sin(azimuth),
+    )
+
+
+@inlined
+def _at_one_angle(rows: Rows, i: int, c: float, s: float, p: FloatArray, turns: Turns) -> float:
+    reflection = interface(c, s, p[ETA] / rows.exterior_ior, p[K] / rows.exterior_ior)
     r_s, r_p, cross_re, cross_im = reflection
     code = rows.code[i]
     if code == _REFLECTANCE_S:
@@ -54,36 +72,41 @@ def _at_one_angle(rows: Rows, i: int, theta: float, p: FloatArray) -> float:
     # A source that is slightly polarized: its unpolarized part becomes so.
     s0, s1, s2, s3 = rows.light[i, 0], rows.light[i, 1], rows.light[i, 2], rows.light[i, 3]
     if p[_DOLP] > 0:
-        polarized = p[_DOLP] * (s0 - math.sqrt(s1 * s1 + s2 * s2 + s3 * s3))
-        s1 += polarized * math.cos(2 * math.radians(p[_AZIMUTH]))
-        s2 += polarized * math.sin(2 * math.radians(p[_AZIMUTH]))
-    analyzer = 0.0 if code == _SIGNAL_S else 0.5 * math.pi if code == _SIGNAL_P else rows.analyzer[i]
-    analyzer += math.radians(p[_ANALYZER])
+        unpolarized = s0 - math.sqrt(s1 * s1 + s2 * s2 + s3 * s3)
+        s1 += unpolarized * turns[4]
+        s2 += unpolarized * turns[5]
+    cos_2phi, sin_2phi = rows.analyzer[i, 0], rows.analyzer[i, 1]
+    analyzer = (cos_2phi * turns[2] - sin_2phi * turns[3], sin_2phi * turns[2] + cos_2phi * turns[3])
+    retarder = (rows.retarder[i, 0], rows.retarder[i, 1], rows.retarder[i, 2], rows.retarder[i, 3])
     diattenuation = rows.diattenuation[i] * p[_DIATTENUATION]
-    signal = analyzer_signal(
-        reflection, (s0, s1, s2, s3), analyzer, rows.retarder[i], rows.retardance[i], diattenuation
-    )
+    signal = analyzer_signal(reflection, (s0, s1, s2, s3), analyzer, retarder, diattenuation)
     # signal_s and signal_p are R_s and R_p times a gain; an analyzer passes half of unpolarized light.
     return signal if code == _SIGNAL else 2.0 * signal
 
 
 @inlined
-def at_angle(rows: Rows, i: int, theta: float, p: FloatArray) -> float:
-    """Row i's model value at incidence ``theta`` (radians): gain 1, no dark, no diffuse light.
+def at_angle(rows: Rows, i: int, c: float, s: float, p: FloatArray, turns: Turns) -> float:
+    """Row i's model value at an incidence of cosine ``c`` and sine ``s``: gain 1, no dark, no diffuse light.
 
     A row that averages a range of angles gets the mean of two, one standard
     deviation to either side: exact to the third moment of the range.
     """
-    spread = rows.theta_spread[i]
-    if spread > 0:
-        return 0.5 * (_at_one_angle(rows, i, theta - spread, p) + _at_one_angle(rows, i, theta + spread, p))
-    return _at_one_angle(rows, i, theta, p)
+    a, b = rows.cos_spread[i], rows.sin_spread[i]
+    if b > 0:
+        below = _at_one_angle(rows, i, c * a + s * b, s * a - c * b, p, turns)
+        above = _at_one_angle(rows, i, max(c * a - s * b, 0.0), s * a + c * b, p, turns)
+        return 0.5 * (below + above)
+    return _at_one_angle(rows, i, c, s, p, turns)
 
 
 @inlined
-def incidence(rows: Rows, i: int, p: FloatArray) -> float:
-    """Row i's angle with the offset applied; beyond the normal is the other side of it."""
-    return float(abs(rows.theta[i] + math.radians(p[_OFFSET])))
+def incidence(rows: Rows, i: int, turns: Turns) -> tuple[float, float]:
+    """Cosine and sine of row i's angle with the offset applied; a cosine below 0 is beyond grazing.
+
+    A sine below 0 is the other side of the normal, where everything is the same.
+    """
+    c, s = rows.cos_theta[i], rows.sin_theta[i]
+    return c * turns[0] - s * turns[1], s * turns[0] + c * turns[1]
 
 
 @inlined
@@ -100,10 +123,11 @@ def predict_vectors(rows: Rows, vectors: FloatArray, gains: FloatArray) -> Float
     out = np.empty((len(vectors), len(rows.code)))
     for d in range(len(vectors)):
         p = vectors[d]
+        turns = turns_of(p)
         for i in range(len(rows.code)):
             gain = gains[rows.gain[i]] if rows.gain[i] >= 0 else 1.0
-            theta = min(incidence(rows, i, p), 0.5 * math.pi)
-            out[d, i] = gain * at_angle(rows, i, theta, p) + background(rows, i, p)
+            c, s = incidence(rows, i, turns)
+            out[d, i] = gain * at_angle(rows, i, max(c, 0.0), s, p, turns) + background(rows, i, p)
     return out
 
 

@@ -26,7 +26,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.inference.forward import FIRST_SIGMA, at_angle, background, incidence
+from reflectance_fit.inference.forward import FIRST_SIGMA, at_angle, background, incidence, turns_of
 from reflectance_fit.inference.rows import CODES, Rows
 from reflectance_fit.observations import Quantity
 from reflectance_fit.physics.jit import kernel
@@ -43,19 +43,20 @@ def _design(
     rows: Rows, p: FloatArray, f: FloatArray, slope: FloatArray, target: FloatArray, sigma: FloatArray
 ) -> bool:
     """Fill model, slope, target and sigma of every row; False where an angle leaves [0, 90) degrees."""
+    turns = turns_of(p)
     for i in range(len(f)):
-        theta = incidence(rows, i, p)
-        if not theta < 0.5 * math.pi:
+        c, s = incidence(rows, i, turns)
+        if not c > 0:
             return False
-        f[i] = at_angle(rows, i, theta, p)
+        f[i] = at_angle(rows, i, c, s, p, turns)
         slope[i] = 0.0
         if rows.theta_sigma[i] > 0:
-            low = max(theta - _STEP, 0.0)
-            high = min(theta + _STEP, 0.5 * math.pi)
-            rise = at_angle(rows, i, high, p) - at_angle(rows, i, low, p)
+            # A step to either side, whose cosine is 1 but for step^2 / 2, the same on both.
+            rise = at_angle(rows, i, max(c - s * _STEP, 0.0), s + c * _STEP, p, turns)
+            rise -= at_angle(rows, i, c + s * _STEP, s - c * _STEP, p, turns)
             if rows.code[i] == _DELTA:
                 rise = (rise + 180.0) % 360.0 - 180.0
-            slope[i] = rise / (high - low)
+            slope[i] = rise / (2 * _STEP)
         sigma[i] = rows.sigma[i] if rows.estimated[i] < 0 else math.exp(p[FIRST_SIGMA + rows.estimated[i]])
         if rows.gain[i] >= 0:
             target[i] = rows.value[i] - background(rows, i, p)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from reflectance_fit.angles import cos_sin_deg
 from reflectance_fit.observations import Observations, Quantity
 
 FloatArray = NDArray[np.float64]
@@ -20,6 +21,10 @@ LAST_POWER = CODES[Quantity.SIGNAL]
 class Rows(NamedTuple):
     """N rows as the kernel reads them; a tuple, because numba takes those.
 
+    Angles come as cosines and sines, so that the hot loop has none to take:
+    ``analyzer`` (N, 2) of twice the angle from s, ``retarder`` (N, 4) of twice
+    its axis and of the retardance, NaN where there is none.
+
     ``gain`` and ``estimated`` are -1 where a row is absolute, or its sigma
     stated; else the index of its gain, or of its estimated sigma.  ``setting``
     numbers the goniometer settings: rows of one setting share one angle error.
@@ -28,12 +33,13 @@ class Rows(NamedTuple):
     """
 
     code: IntArray
-    theta: FloatArray
+    cos_theta: FloatArray
+    sin_theta: FloatArray
     theta_sigma: FloatArray
-    theta_spread: FloatArray
+    cos_spread: FloatArray
+    sin_spread: FloatArray
     analyzer: FloatArray
     retarder: FloatArray
-    retardance: FloatArray
     diattenuation: FloatArray
     light: FloatArray
     value: FloatArray
@@ -58,6 +64,11 @@ def estimated_names(observations: Observations) -> list[str]:
     return sorted({str(q) for q in observations.quantity[np.isnan(observations.sigma)]})
 
 
+def _cos_sin(angle_deg: FloatArray) -> FloatArray:
+    radians = np.radians(angle_deg)
+    return np.stack([np.cos(radians), np.sin(radians)], axis=1)
+
+
 def pack(observations: Observations, exterior_ior: float) -> Rows:
     """The kernel's view of ``observations`` (all rows; filter before)."""
     o = observations
@@ -73,14 +84,20 @@ def pack(observations: Observations, exterior_ior: float) -> Rows:
     for g in np.unique(gain[power]):
         members = power & (gain == g)
         largest[members] = np.max(np.abs(o.value[members]))
+    cos_theta, sin_theta = cos_sin_deg(o.theta_deg)
+    # signal_s and signal_p are signals behind an analyzer along s and p.
+    analyzer_deg = np.select(
+        [code == CODES[Quantity.SIGNAL_S], code == CODES[Quantity.SIGNAL_P]], [0.0, 90.0], o.analyzer_deg
+    )
     return Rows(
         code=code,
-        theta=np.radians(o.theta_deg),
+        cos_theta=cos_theta,
+        sin_theta=sin_theta,
         theta_sigma=np.radians(o.theta_deg_sigma),
-        theta_spread=np.radians(o.theta_deg_spread),
-        analyzer=np.radians(o.analyzer_deg),
-        retarder=np.radians(o.retarder_deg),
-        retardance=np.radians(o.retardance_deg),
+        cos_spread=np.cos(np.radians(o.theta_deg_spread)),
+        sin_spread=np.sin(np.radians(o.theta_deg_spread)),
+        analyzer=_cos_sin(2 * analyzer_deg),
+        retarder=np.hstack([_cos_sin(2 * o.retarder_deg), _cos_sin(o.retardance_deg)]),
         diattenuation=np.ascontiguousarray(o.diattenuation),
         light=np.ascontiguousarray(o.light),
         value=np.ascontiguousarray(o.value),

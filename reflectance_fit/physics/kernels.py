@@ -14,12 +14,12 @@ from reflectance_fit.physics.jit import inlined
 
 
 @inlined
-def interface(theta: float, eta: float, k: float) -> tuple[float, float, float, float]:
+def interface(c: float, s: float, eta: float, k: float) -> tuple[float, float, float, float]:
     """R_s, R_p and the real and imaginary part of r_s conj(r_p).
 
-    ``theta`` in radians in [0, pi/2]; eta + ik relative, eta > 0, k >= 0.
+    ``c`` and ``s`` are cosine and sine of the angle of incidence, c >= 0;
+    eta + ik relative, eta > 0, k >= 0.
     """
-    c, s = math.cos(theta), math.sin(theta)
     c2, s2 = c * c, s * s
     # q = sqrt(epsilon - s2) = u + iv, both from the one square root that does not cancel.
     epsilon_re, epsilon_im = (eta - k) * (eta + k), 2 * eta * k
@@ -46,29 +46,29 @@ def interface(theta: float, eta: float, k: float) -> tuple[float, float, float, 
 def analyzer_signal(
     reflection: tuple[float, float, float, float],
     light: tuple[float, float, float, float],
-    analyzer: float,
-    retarder: float,
-    retardance: float,
+    analyzer: tuple[float, float],
+    retarder: tuple[float, float, float, float],
     diattenuation: float,
 ) -> float:
     """What a detector behind an analyzer sees of ``light`` reflected by ``reflection``.
 
     ``reflection`` is what ``interface`` returns, ``light`` an incident Stokes
-    vector; angles in radians from s.  NaN for ``analyzer`` means there is
-    none, NaN for ``retarder`` likewise.
+    vector.  ``analyzer`` is cosine and sine of twice its angle from s, NaN
+    without one; ``retarder`` the same of its fast axis, then cosine and sine
+    of the retardance, NaN without one.
     """
     r_s, r_p, cross_re, cross_im = reflection
     a, b = 0.5 * (r_s + r_p), 0.5 * (r_s - r_p)
     s0 = a * light[0] + b * light[1]
+    if math.isnan(analyzer[0]):
+        return s0
     s1 = b * light[0] + a * light[1]
     s2 = cross_re * light[2] - cross_im * light[3]
-    s3 = cross_im * light[2] + cross_re * light[3]
-    if math.isnan(analyzer):
-        return s0
-    if not math.isnan(retarder):
+    if not math.isnan(retarder[0]):
         # Into the retarder's frame, the slow axis delayed, and back.
-        c2, n2 = math.cos(2 * retarder), math.sin(2 * retarder)
+        s3 = cross_im * light[2] + cross_re * light[3]
+        c2, n2, cos_delay, sin_delay = retarder
         along, across = c2 * s1 + n2 * s2, c2 * s2 - n2 * s1
-        across = across * math.cos(retardance) + s3 * math.sin(retardance)
+        across = across * cos_delay + s3 * sin_delay
         s1, s2 = c2 * along - n2 * across, n2 * along + c2 * across
-    return 0.5 * (s0 + diattenuation * (s1 * math.cos(2 * analyzer) + s2 * math.sin(2 * analyzer)))
+    return 0.5 * (s0 + diattenuation * (s1 * analyzer[0] + s2 * analyzer[1]))

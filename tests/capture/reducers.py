@@ -53,7 +53,7 @@ def fail(frame: RawFrame) -> int:
 
 
 def write_streams(frame: RawFrame) -> int:
-    print("to standard output")
+    print("to standard output", flush=True)
     print("to standard error", file=sys.stderr)
     os.write(2, b"to descriptor 2\n")
     return 1

@@ -57,7 +57,10 @@ def scan(rows_of):
 def dense_covariance(rows, p, gains):
     """diag(sigma^2) + sigma_theta^2 v v^T for every setting, slopes by finite differences."""
     step = 1e-5
-    up, down = (rows._replace(theta=rows.theta + s) for s in (step, -step))
+    theta = np.arctan2(rows.sin_theta, rows.cos_theta)
+    up, down = (
+        rows._replace(cos_theta=np.cos(theta + s), sin_theta=np.sin(theta + s)) for s in (step, -step)
+    )
     slope = (predict_vectors(up, p[None], gains) - predict_vectors(down, p[None], gains))[0] / (2 * step)
     covariance = np.diag(rows.sigma**2)
     for a in range(rows.settings):

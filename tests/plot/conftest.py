@@ -76,6 +76,7 @@ def observe(
         gain_group=np.array(group),
         theta_deg=np.array([r[1] for r in rows], dtype=float),
         theta_deg_sigma=np.full(n, theta_sigma),
+        theta_deg_spread=np.zeros(n),
         analyzer_deg=np.array([r[2] for r in rows], dtype=float),
         retarder_deg=np.full(n, np.nan),
         retardance_deg=np.full(n, np.nan),

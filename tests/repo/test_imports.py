@@ -19,7 +19,7 @@ LAYERS = (
     {"angles"},  # cosines of degrees by numpy alone, so that physics may stand on it
     {"physics"},
     {"observations", "material", "materials", "priors", "result", "errors", "strict_yaml"}
-    | {"files", "inputs", "manifests", "nuisances", "observations_columns", "observations_file"},
+    | {"files", "inputs", "manifests", "measured", "nuisances", "observations_columns", "observations_file"},
     {"measurement", "capture", "inference", "report", "plot", "data_synthetic"},
     {"workflow"},
     {"cli"},
