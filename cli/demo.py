@@ -11,37 +11,29 @@ from .options import out_folder_option, output_options, seed_option
 
 @click.command()
 @out_folder_option("demo")
-@click.option("--material", metavar="NAME", help="Only this example: N-BK7 or Au.")
+@click.option("--material", metavar="NAME", help="Only this material.  [default: N-BK7 and Au]")
 @click.option("--no-plots", is_flag=True, help="Write no pictures.")
 @seed_option
 @output_options
 def demo(out: Path, material: str | None, no_plots: bool, seed: int) -> None:
-    """Fit the shipped examples and print recovered against true.
+    """The whole job with no camera, and recovered beside true.
 
-    A glass seen through a polarizer on a goniometer, and a gold mirror on an
-    ellipsometer; both synthetic, so the truth is known.
+    Photographs a glass and a gold mirror that are not there (RAW files of a
+    camera with an analyzer), reads the photographs, fits eta, k and the
+    Brewster angle, and compares with what went in.
 
     Example:
 
     \b
         reflectance-fit demo -o demo --material N-BK7 --no-plots
     """
-    from reflectance_fit.data_synthetic.example import example_names
-    from reflectance_fit.workflow import demo as run
+    from reflectance_fit.demonstration import MATERIALS
+    from reflectance_fit.demonstration import demo as run
 
     from .progress import progress
     from .tables import print_recovered
 
-    names = example_names() if material is None else (material,)
-    with progress() as reporter:
-        results = list(
-            run(
-                out,
-                names,
-                seed=seed,
-                plots=not no_plots,
-                progress=reporter.sampling,
-                drawing=reporter.drawing,
-            )
-        )
+    names = MATERIALS if material is None else (material,)
+    with progress() as report:
+        results = list(run(out, names, seed=seed, plots=not no_plots, progress=report))
     print_recovered(results, out)

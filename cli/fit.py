@@ -24,21 +24,24 @@ from .options import out_folder_option, output_options, seed_option
 @seed_option
 @output_options
 def fit(source: Path, out: Path, model: str, no_plots: bool, no_timings: bool, seed: int) -> None:
-    """Fit INPUT, a measurement.yaml: eta, k and Brewster angle with intervals.
+    """Fit INPUT: eta, k and Brewster angle of every channel, with intervals.
 
-    Writes report.yaml, posterior.nc and plots/ into the folder DIR.
+    INPUT is a capture.yaml (photographs), a measurement.yaml (tables) or an
+    OBS.nc that ingest wrote. Writes report.yaml, posterior.nc and plots/ into
+    the folder DIR.
 
     Example:
 
     \b
         reflectance-fit fit measurement.yaml -o result
+        reflectance-fit fit capture.yaml -o result
     """
     from reflectance_fit.workflow import fit_to_folder
 
     from .progress import progress
     from .tables import print_result
 
-    with progress() as reporter:
+    with progress() as report:
         result = fit_to_folder(
             source,
             out,
@@ -46,7 +49,6 @@ def fit(source: Path, out: Path, model: str, no_plots: bool, no_timings: bool, s
             seed=seed,
             plots=not no_plots,
             timings=not no_timings,
-            progress=reporter.sampling,
-            drawing=reporter.drawing,
+            progress=report,
         )
     print_result(result.report, out)

@@ -2,59 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Protocol
 
 from .options import is_quiet
 
-
-class Reporter(Protocol):
-    """What a workflow reports to."""
-
-    def sampling(self, channel: str, done: int, most: int) -> None: ...
-
-    def drawing(self, name: str) -> None: ...
+Report = Callable[[str, int, int], None]
 
 
 @contextmanager
-def progress() -> Iterator[Reporter]:
-    """A live display while the block runs."""
+def progress() -> Iterator[Report]:
+    """A live display while the block runs; call what it gives with (what, done, of how many)."""
     from rich.console import Console
+    from rich.markup import escape
     from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
     console = Console(stderr=True)
     display = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
-        TextColumn("{task.completed:.0f} {task.fields[unit]}, {task.fields[rate]}"),
+        TextColumn("{task.completed:.0f} of {task.total:.0f}, {task.fields[rate]}"),
         TimeRemainingColumn(),
         console=console,
         transient=True,
         disable=is_quiet() or not console.is_terminal,
     )
+    tasks: dict[str, TaskID] = {}
 
-    class Bars:
-        def __init__(self) -> None:
-            self._tasks: dict[str, TaskID] = {}
-
-        def sampling(self, channel: str, done: int, most: int) -> None:
-            task = self._task(f"sampling {channel}", most, "steps")
-            speed = display.tasks[task].speed
-            display.update(task, completed=done, rate=f"{speed:.0f}/s" if speed else "")
-
-        def drawing(self, name: str) -> None:
-            task = self._task("drawing", 8, "pictures")
-            display.update(task, advance=1, rate=name)
-
-        def _task(self, description: str, total: int, unit: str) -> TaskID:
-            from rich.markup import escape
-
-            if description not in self._tasks:
-                self._tasks[description] = display.add_task(
-                    escape(description), total=total, unit=unit, rate=""
-                )
-            return self._tasks[description]
+    def report(what: str, done: int, total: int) -> None:
+        if what not in tasks:
+            tasks[what] = display.add_task(escape(what), total=total, rate="")
+        speed = display.tasks[tasks[what]].speed
+        display.update(tasks[what], completed=done, total=total, rate=f"{speed:.3g}/s" if speed else "")
 
     with display:
-        yield Bars()
+        yield report

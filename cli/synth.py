@@ -88,7 +88,7 @@ def synth(
         noise=noise,
         seed=seed,
     )
-    with progress() as reporter:
-        path = write_capture(folder, spec, progress=reporter.sampling)
+    with progress() as report:
+        path = write_capture(folder, spec, progress=report)
     if not is_quiet():
         click.echo(f"wrote {path}")

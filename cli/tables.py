@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from reflectance_fit.data_synthetic.example import Truth
+from reflectance_fit.capture.truth import Truth
 from reflectance_fit.errors import printable
 from reflectance_fit.report.schema import Estimate, Report, SchlickError
 
@@ -17,6 +18,8 @@ from .options import is_quiet
 if TYPE_CHECKING:
     from rich.table import Table
     from rich.text import Text
+
+    from reflectance_fit.capture.ingest import Ingested
 
 LONGEST_TITLE = 120
 
@@ -53,30 +56,73 @@ def print_result(report: Report, folder: Path) -> None:
 
 
 def print_recovered(results: Sequence[tuple[str, Report, Truth]], folder: Path) -> None:
-    """Recovered against true for each example, in units of the recovered sd."""
+    """Recovered against true for each material and channel, in units of the recovered sd."""
     if is_quiet():
         return
     table = _table("recovered against true")
-    for heading in ("material", "quantity", "true", "recovered", "off by"):
+    for heading in ("material", "channel", "quantity", "true", "recovered", "off by"):
         table.add_column(heading, no_wrap=True)
     for material, report, truth in results:
-        channel = report.channels[0]
-        for name, true, found in (
-            ("eta", truth.eta, channel.eta),
-            ("k", truth.k, channel.k),
-            (
-                channel.brewster_deg.kind.replace("_", "-") + " (deg)",
-                truth.brewster_deg,
-                channel.brewster_deg,
-            ),
-        ):
-            off = (
-                "-" if found.median is None or not found.sd else f"{(found.median - true) / found.sd:+.1f} sd"
-            )
-            table.add_row(material, name, f"{true:.4f}", in_words(found), off)
+        for channel, true in zip(report.channels, truth.channels, strict=True):
+            angle = channel.brewster_deg.kind.replace("_", "-") + " (deg)"
+            for name, value, found in (
+                ("eta", true.eta, channel.eta),
+                ("k", true.k, channel.k),
+                (angle, true.brewster_deg, channel.brewster_deg),
+            ):
+                known = found.median is not None and found.sd
+                off = f"{(found.median - value) / found.sd:+.1f} sd" if known else "-"  # type: ignore[operator]
+                table.add_row(material, channel.channel, name, f"{value:.5f}", in_words(found), off)
     _show(table)
     for material, _, _ in results:
         click.echo(f"wrote {folder / material / 'result'}")
+
+
+def print_frames(ingested: Ingested, out: Path) -> None:
+    """A line a frame: how it was taken, how many pixels count, what they gave, and why if they do not."""
+    from rich.text import Text
+
+    if is_quiet():
+        return
+    capture = ingested.capture
+    table = _table(capture.sample_name)
+    headings = ("frame", "role", "theta (deg)", "analyzer (deg)", "exposure (s)", "pixels", "clipped (%)")
+    for heading in (*headings, *(f"{name} (DN/s)" for name in capture.channels), "status"):
+        table.add_column(heading, no_wrap=True)
+    samples = {sample.frame.file: sample for sample in ingested.samples}
+    for frame in capture.frames:
+        sample = samples.get(frame.file)
+        seconds = ingested.settings[frame.path].seconds
+        status = "rejected: " + ingested.rejected[frame.file] if frame.file in ingested.rejected else "used"
+        pixels, clipped, signals = "-", "-", ["-"] * len(capture.channels)
+        if sample is not None:
+            channels = sample.channels
+            pixels = str(sum(int(c.pixels.sum()) for c in channels.values()))
+            clipped = f"{100 * sample.saturated_share:.1f}"
+            signals = [f"{channels[n].mean:.4g}" if n in channels else "-" for n in capture.channels]
+            if sample.saturated_share == 1.0:
+                status = "saturated"
+        table.add_row(
+            Text(printable(frame.file)),
+            frame.role,
+            _number(frame.theta_deg),
+            _number(frame.analyzer_deg),
+            f"{seconds:.4g}",
+            pixels,
+            clipped,
+            *signals,
+            Text(printable(status)),
+        )
+    notes = [
+        Text(f"{note.code}: {printable(note.message)}", style="yellow")
+        for note in ingested.measurement.warnings
+    ]
+    _show(table, *notes)
+    click.echo(f"wrote {out}: {len(ingested.measurement.observations)} rows")
+
+
+def _number(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:g}"
 
 
 def _table(title: str) -> Table:

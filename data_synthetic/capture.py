@@ -66,10 +66,10 @@ def write_capture(folder: Path, spec: CaptureSpec, *, progress: Progress | None 
         samples = (shot for stated, scene in views for shot in _samples(spec, stated, scene))
         # The target is unpolarized: half of its light passes the analyzer, whatever its angle.
         flats = [_Shot({"role": "flat"}, np.full((1, 1), 0.5, dtype=np.float32))] * spec.flats
-        take("frames", chain(samples, flats), len(views) * len(spec.settings) + spec.flats)
+        take("taking frames", chain(samples, flats), len(views) * len(spec.settings) + spec.flats)
         cap = np.zeros((1, 1), dtype=np.float32)
         darks = [_Shot({"role": "dark"}, cap, t) for t in sorted(exposures) for _ in range(spec.darks)]
-        take("darks", darks, len(darks))
+        take("taking darks", darks, len(darks))
         _write_yaml(stage / "truth.yaml", truth(spec, len(entries)))
         _write_yaml(stage / "capture.yaml", manifest(spec, entries))
 

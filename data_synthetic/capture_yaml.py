@@ -38,6 +38,7 @@ def manifest(spec: CaptureSpec, entries: list[dict[str, Any]]) -> dict[str, Any]
         data["light"] = light | {"shape": "surround", "uniform": True}
         centre, radius = spec.ball
         data["geometry"] = {"kind": "sphere", "sphere": {"center_px": list(centre), "radius_px": radius}}
+    data["nuisances"] = {name: {"sigma": plain(sigma)} for name, sigma in spec.nuisances.items()}
     return data | {"region": list(spec.region), "frames": entries}
 
 
@@ -51,9 +52,9 @@ def truth(spec: CaptureSpec, frames: int) -> dict[str, Any]:
             {
                 "channel": channel.name,
                 "wavelength_nm": plain(channel.wavelength_nm),
-                "eta": round(eta, 6),
-                "k": round(k, 6),
-                "brewster_deg": round(angle, 4),
+                "eta": round(eta, 12),
+                "k": round(k, 12),
+                "brewster_deg": round(angle, 10),
             }
         )
     return {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Literal
 
@@ -24,10 +25,12 @@ _QUARTER_WAVE_NM = 550.0
 _DIELECTRIC_DEG = (30.0, 45.0, 55.0, 60.0, 70.0)
 _METAL_DEG = (45.0, 60.0, 70.0, 75.0, 80.0)
 # A flat sample reaches beyond the region that is measured; shares of the frame, on each side.
-_SAMPLE, _REGION = 0.20, 0.25
+_SAMPLE, _REGION = 0.05, 0.25
 _RADIUS = 0.42  # of the frame's height
 # Over a quarter-wave plate at 0 these two differ by S3.
 _WITH_PLATE_DEG = (45.0, 135.0)
+# Standard deviations of a rig's errors, and the random stream they come from.
+_ANGLE_DEG, _ANALYZER_AXIS_DEG, _RIG = 0.2, 0.3, 99
 
 SENSORS: dict[NoiseLevel, Sensor] = {
     "none": Sensor(prnu=0.0, dsnu_dn=0.0, background_e_per_s=0.0),
@@ -123,8 +126,10 @@ class CaptureSpec:
 
     ``angles_deg`` are those stated, of a flat sample.  ``index`` is (eta, k)
     relative to vacuum for all channels, in place of the material's own.
-    ``noise`` False leaves out shot and read noise.  ``darks`` are frames for
-    each exposure time in use, ``flats`` frames of a white, unpolarized target.
+    ``noise`` False leaves out shot and read noise.  ``nuisances`` are what
+    capture.yaml tells the fit to allow for, with their sigmas.  ``darks`` are
+    frames for each exposure time in use, ``flats`` frames of a white,
+    unpolarized target.
     """
 
     material: str
@@ -139,6 +144,7 @@ class CaptureSpec:
     channels: tuple[Channel, ...] = CHANNELS
     index: tuple[float, float] | None = None
     faults: Faults = field(default_factory=Faults)
+    nuisances: Mapping[str, float] = field(default_factory=dict)
     darks: int = 1
     flats: int = 1
 
@@ -215,6 +221,7 @@ def standard_spec(
     metal's index is in: metals and semiconductors get 45 degree linear light
     if flat, circular light if a ball.  Polarized light on a flat sample is also
     seen through a quarter-wave plate, which turns S3 into what an analyzer sees.
+    The rig of a flat sample is slightly off, and capture.yaml allows for it.
     """
     if shape == "sphere" and angles_deg:
         raise ReflectanceFitError("a ball shows all angles of incidence at once; leave them away")
@@ -223,8 +230,16 @@ def standard_spec(
     if light is None:
         light = LIGHTS["unpolarized" if transparent else "circular" if shape == "sphere" else "linear45"]
     settings = [Setting(angle) for angle in analyzer_deg]
+    faults, nuisances = Faults(), dict[str, float]()
     if shape == "flat" and light != Light():
         settings += [Setting(angle, 0.0) for angle in _WITH_PLATE_DEG]
+    if shape == "flat" and noise != "none":
+        # Nobody sets up angles exactly: a rig is off by what a careful hand leaves.
+        angle, analyzer = np.random.default_rng([seed, _RIG]).normal(0.0, (_ANGLE_DEG, _ANALYZER_AXIS_DEG))
+        faults = Faults(
+            angle_offset_deg=round(float(angle), 4), analyzer_offset_deg=round(float(analyzer), 4)
+        )
+        nuisances = {"angle_offset_deg": 0.5, "analyzer_offset_deg": 1.0}
     return CaptureSpec(
         material=entry.name,
         shape=shape,
@@ -234,4 +249,6 @@ def standard_spec(
         sensor=SENSORS[noise],
         noise=noise != "none",
         seed=seed,
+        faults=faults,
+        nuisances=nuisances,
     )

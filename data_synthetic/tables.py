@@ -68,9 +68,9 @@ def write_example(folder: Path, material: str, *, seed: int = 0, wavelength_nm: 
             {
                 "channel": f"{wavelength_nm:g} nm",
                 "wavelength_nm": wavelength_nm,
-                "eta": round(eta, 6),
-                "k": round(k, 6),
-                "brewster_deg": round(float(angle), 4),
+                "eta": round(eta, 12),
+                "k": round(k, 12),
+                "brewster_deg": round(float(angle), 10),
             }
         ],
         "nuisances": {},

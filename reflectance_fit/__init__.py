@@ -14,13 +14,15 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from reflectance_fit.capture.frames import Capture as Capture
     from reflectance_fit.material import Material as Material
     from reflectance_fit.measured import Measurement as Measurement
     from reflectance_fit.workflow import fit as fit
 
-__all__ = ["Material", "Measurement", "__version__", "fit"]
+__all__ = ["Capture", "Material", "Measurement", "__version__", "fit"]
 
 _HOMES = {
+    "Capture": "reflectance_fit.capture.frames",
     "Material": "reflectance_fit.material",
     "Measurement": "reflectance_fit.measured",
     "fit": "reflectance_fit.workflow",

@@ -19,7 +19,11 @@ COLUMNS: Mapping[str, tuple[Kind, str, str]] = {
     "gain_group": ("text", "", "rows of one group share one unknown gain; empty: absolute"),
     "theta_deg": ("float", "degree", "angle of incidence from the normal, 0 to below 90"),
     "theta_deg_sigma": ("float", "degree", "one standard deviation of theta_deg; 0: exact"),
-    "theta_deg_spread": ("float", "degree", "standard deviation of the angle over the row's pixels; 0: one angle"),
+    "theta_deg_spread": (
+        "float",
+        "degree",
+        "standard deviation of the angle over the row's pixels; 0: one angle",
+    ),
     "analyzer_deg": ("float", "degree", "transmission axis, counter-clockwise from s; NaN: no analyzer"),
     "retarder_deg": ("float", "degree", "fast axis, counter-clockwise from s; NaN: no retarder"),
     "retardance_deg": ("float", "degree", "retardance; NaN: no retarder"),

@@ -7,7 +7,7 @@ A file from elsewhere is data, or one line that says what is wrong with it.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -28,29 +28,15 @@ from reflectance_fit.manifests import (
     Text,
     check_schema,
 )
-from reflectance_fit.measured import Note
+from reflectance_fit.measured import Measurement, Note
 from reflectance_fit.observations import Flag, Observations, Quantity
 from reflectance_fit.observations_columns import ATTRIBUTES, COLUMNS, SCHEMA
-from reflectance_fit.priors import Prior
 from reflectance_fit.strict_yaml import Document, validate
 
 MAX_ROWS = 5_000_000  # a file may claim any number without holding one
 _JSON = ("nuisances", "priors", "warnings", "inputs")
 _DTYPES = {"text": np.str_, "float": np.floating, "integer": np.integer}
 _WIDE = {"float": np.float64, "integer": np.int64}
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class About:
-    """What a file of observations says of all its rows; the fields are those of Measurement."""
-
-    sample_name: str
-    exterior_ior: float
-    nuisances: dict[str, float] | None
-    priors: dict[str, Prior]
-    warnings: tuple[Note, ...]
-    inputs: tuple[tuple[str, str], ...]
-    version: str
 
 
 class _Warning(Block):
@@ -74,17 +60,17 @@ class _Attributes(Block):
     version: Text
 
 
-def write_observations(observations: Observations, path: Path, *, attrs: About) -> None:
-    """Write ``path`` whole or not at all; the same observations give the same bytes."""
-    nuisances = attrs.nuisances
+def write_observations(measurement: Measurement, path: Path) -> None:
+    """Write ``path`` whole or not at all; the same measurement gives the same bytes."""
+    nuisances, observations = measurement.nuisances, measurement.observations
     values: dict[str, Any] = {
         "schema": SCHEMA,
-        "sample": attrs.sample_name,
-        "exterior_ior": attrs.exterior_ior,
-        "priors": {name: prior.as_yaml() for name, prior in attrs.priors.items()},
-        "warnings": [note._asdict() for note in attrs.warnings],
-        "inputs": [{"file": file, "sha256": sha256} for file, sha256 in attrs.inputs],
-        "version": attrs.version,
+        "sample": measurement.sample_name,
+        "exterior_ior": measurement.exterior_ior,
+        "priors": {name: prior.as_yaml() for name, prior in measurement.priors.items()},
+        "warnings": [note._asdict() for note in measurement.warnings],
+        "inputs": [{"file": file, "sha256": sha256} for file, sha256 in measurement.inputs],
+        "version": version("reflectance_fit"),
     }
     if nuisances is not None:
         values["nuisances"] = {name: s if np.isfinite(s) else None for name, s in nuisances.items()}
@@ -113,7 +99,7 @@ def _column(observations: Observations, name: str) -> NDArray[Any]:
     return column
 
 
-def read_observations(path: Path) -> tuple[Observations, About]:
+def read_observations(path: Path) -> Measurement:
     """What ``write_observations`` wrote; ReflectanceFitError with every problem found for anything else."""
     check_regular(path, str(path))
     try:
@@ -135,18 +121,18 @@ def read_observations(path: Path) -> tuple[Observations, About]:
     if wrong := [message for message, bad in _rules(observations.used) if np.any(bad)]:
         raise ReflectanceFitError(Problem(str(path), None, message) for message in wrong)
     nuisances = stated.nuisances
-    about = About(
+    return Measurement(
+        path=path,
         sample_name=stated.sample,
         exterior_ior=stated.exterior_ior,
+        observations=observations,
         nuisances=None
         if nuisances is None
         else {n: np.inf if s is None else s for n, s in nuisances.items()},
         priors=stated.priors.by_name(),
         warnings=tuple(Note(entry.code, entry.message) for entry in stated.warnings),
         inputs=tuple((entry.file, entry.sha256) for entry in stated.inputs),
-        version=stated.version,
     )
-    return observations, about
 
 
 def _raw(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]], list[str]]:

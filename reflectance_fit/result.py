@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.priors import Prior
 from reflectance_fit.observations import Observations
+from reflectance_fit.priors import Prior
 
 FloatArray = NDArray[np.float64]
 

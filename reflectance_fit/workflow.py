@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 import re
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,23 +14,29 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
+from reflectance_fit.capture.frames import Capture
+from reflectance_fit.capture.ingest import Ingested, ingest
 from reflectance_fit.capture.manifest import Manifest as CaptureManifest
-from reflectance_fit.capture.truth import Truth as TruthFile
-from reflectance_fit.data_synthetic.example import Truth, copy_example
-from reflectance_fit.errors import ReflectanceFitError
-from reflectance_fit.files import check_writable, write_together
+from reflectance_fit.capture.read import read_capture
+from reflectance_fit.capture.truth import Truth
+from reflectance_fit.errors import Problem, ReflectanceFitError
+from reflectance_fit.files import check_writable, write_together, write_whole
 from reflectance_fit.inference.predict import predictor
 from reflectance_fit.inference.run import MODELS, fit_channel
+from reflectance_fit.inputs import sha256_of
+from reflectance_fit.measured import Measurement, Note
 from reflectance_fit.measurement.manifest import Manifest
-from reflectance_fit.measured import Measurement
 from reflectance_fit.measurement.read import read_measurement
 from reflectance_fit.observations import Flag
 from reflectance_fit.observations_columns import observations_schema
+from reflectance_fit.observations_file import read_observations, write_observations
 from reflectance_fit.report.build import build_report
 from reflectance_fit.report.netcdf import write_posterior
 from reflectance_fit.report.schema import Report
 from reflectance_fit.report.write import report_yaml, write_text
 from reflectance_fit.result import Fit
+from reflectance_fit.strict_yaml import load
+from reflectance_fit.yaml_edit import write_hashes_into
 
 Progress = Callable[[str, int, int], None]
 
@@ -48,9 +55,7 @@ class FitResult:
     report: Report
     fits: tuple[Fit, ...]
 
-    def write(
-        self, folder: Path | str, *, plots: bool = True, progress: Callable[[str], None] | None = None
-    ) -> Path:
+    def write(self, folder: Path | str, *, plots: bool = True, progress: Progress | None = None) -> Path:
         """Write report.yaml, posterior.nc and plots/ into ``folder``; returns the path of report.yaml.
 
         Until all are complete nothing appears; report.yaml comes last, so
@@ -62,9 +67,15 @@ class FitResult:
         def fill(stage: Path) -> None:
             write_posterior(self.fits, stage / "posterior.nc")
             if plots:
-                from reflectance_fit.plot.figures import draw_all
+                from reflectance_fit.plot.figures import draw_all, pictures
 
-                draw_all(self.fits, stage / "plots", predictor, progress=progress)
+                drawn = itertools.count(1)
+
+                def told(_name: str) -> None:
+                    if progress:
+                        progress("drawing", next(drawn), pictures(len(self.fits)))
+
+                draw_all(self.fits, stage / "plots", predictor, progress=told)
             write_text(report_yaml(self.report), stage / "report.yaml")
 
         earlier = [path for path in (folder / "plots").glob("*") if _PICTURE.fullmatch(path.name)]
@@ -110,7 +121,9 @@ def fit(
     fits, notes = [], list(measurement.warnings)
     for index, (channel, rows) in enumerate(measurement.observations.channels()):
         if not np.any(rows.flag == Flag.USED):
-            notes.append(Note("SATURATED", f"{channel} is left out: all of its {len(rows)} rows are saturated"))
+            notes.append(
+                Note("SATURATED", f"{channel} is left out: all of its {len(rows)} rows are saturated")
+            )
             continue
         fits.append(
             fit_channel(
@@ -163,20 +176,17 @@ def fit_to_folder(
     plots: bool,
     timings: bool,
     progress: Progress,
-    drawing: Callable[[str], None],
 ) -> FitResult:
     """``fit`` and ``FitResult.write``; an unwritable folder is told before the work, not after."""
     check_writable(folder)
     if plots:
         check_writable(folder / "plots")
     result = fit(source, model=model, seed=seed, timings=timings, progress=progress)
-    result.write(folder, plots=plots, progress=drawing)
+    result.write(folder, plots=plots, progress=progress)
     return result
 
 
-def ingest_to_file(
-    source: Path, out: Path, *, write_hashes: bool, progress: Progress
-) -> Ingested:
+def ingest_to_file(source: Path, out: Path, *, write_hashes: bool, progress: Progress) -> Ingested:
     """Read the photographs of a capture.yaml and write their observations to ``out``.
 
     With ``write_hashes`` the sha256 of every frame is written into the
@@ -214,6 +224,6 @@ def json_schema(name: str) -> dict[str, Any]:
         "capture": CaptureManifest,
         "measurement": Manifest,
         "report": Report,
-        "truth": TruthFile,
+        "truth": Truth,
     }
     return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | models[name].model_json_schema()

@@ -12,23 +12,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from reflectance_fit.errors import ReflectanceFitError
-from reflectance_fit.measured import Note
+from reflectance_fit.measured import Measurement, Note
 from reflectance_fit.observations import Flag, Observations, Quantity
 from reflectance_fit.observations_columns import ATTRIBUTES, COLUMNS, observations_schema
-from reflectance_fit.observations_file import About, read_observations, write_observations
+from reflectance_fit.observations_file import read_observations, write_observations
 from reflectance_fit.priors import ETA_PRIOR, K_PRIOR, Prior
 
 h5py = h5netcdf.core.h5py
 
-ABOUT = About(
-    sample_name="Glas № 1, 玻璃",
-    exterior_ior=1.000277,
-    nuisances={"angle_offset_deg": 0.5, "source_azimuth_deg": math.inf},
-    priors={"eta": Prior("log_uniform", *ETA_PRIOR), "k": Prior("uniform", *K_PRIOR)},
-    warnings=(Note("NO_HASHES", "première"), Note("SATURATED", "zweite: 5 %")),
-    inputs=(("capture.yaml", "0" * 64), ("raw/é.dng", "f" * 64)),
-    version="0.1.0",
-)
+ABOUT = {
+    "sample_name": "Glas № 1, 玻璃",
+    "exterior_ior": 1.000277,
+    "nuisances": {"angle_offset_deg": 0.5, "source_azimuth_deg": math.inf},
+    "priors": {"eta": Prior("log_uniform", *ETA_PRIOR), "k": Prior("uniform", *K_PRIOR)},
+    "warnings": (Note("NO_HASHES", "première"), Note("SATURATED", "zweite: 5 %")),
+    "inputs": (("capture.yaml", "0" * 64), ("raw/é.dng", "f" * 64)),
+}
 
 
 def observations(n: int = 4) -> Observations:
@@ -56,6 +55,10 @@ def observations(n: int = 4) -> Observations:
     )
 
 
+def write(rows: Observations, path: Path, **about: object) -> None:
+    write_observations(Measurement(path=path, observations=rows, **{**ABOUT, **about}), path)
+
+
 def assert_equal(one: Observations, other: Observations) -> None:
     for column in fields(Observations):
         a, b = getattr(one, column.name), getattr(other, column.name)
@@ -73,18 +76,18 @@ def problem(path: Path) -> str:
 
 @pytest.fixture
 def path(tmp_path):
-    write_observations(observations(), tmp_path / "obs.nc", attrs=ABOUT)
+    write(observations(), tmp_path / "obs.nc")
     return tmp_path / "obs.nc"
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 5, 37])
 def test_round_trip(tmp_path, n):
     given_rows = observations(n)
-    write_observations(given_rows, tmp_path / "obs.nc", attrs=ABOUT)
-    found, about = read_observations(tmp_path / "obs.nc")
-    assert_equal(given_rows, found)
-    for field in fields(About):
-        assert getattr(about, field.name) == getattr(ABOUT, field.name), field.name
+    write(given_rows, tmp_path / "obs.nc")
+    found = read_observations(tmp_path / "obs.nc")
+    assert_equal(given_rows, found.observations)
+    for name, value in ABOUT.items():
+        assert getattr(found, name) == value, name
 
 
 @settings(max_examples=50)
@@ -95,27 +98,27 @@ def test_round_trip(tmp_path, n):
 def test_round_trip_of_any_name_and_number(tmp_path_factory, name, number):
     path = tmp_path_factory.mktemp("any") / "obs.nc"
     rows = replace(observations(2), channel=np.array([name, "G"]), value=np.full(2, number))
-    write_observations(rows, path, attrs=replace(ABOUT, sample_name=name, warnings=(Note(name, name),)))
-    found, about = read_observations(path)
-    assert_equal(rows, found)
-    assert (about.sample_name, about.warnings) == (name, (Note(name, name),))
+    write(rows, path, sample_name=name, warnings=(Note(name, name),))
+    found = read_observations(path)
+    assert_equal(rows, found.observations)
+    assert (found.sample_name, found.warnings) == (name, (Note(name, name),))
 
 
 @pytest.mark.parametrize("nuisances", [None, {}, {"diffuse": 0.25}])
 def test_forbidden_nuisances_differ_from_a_free_choice(tmp_path, nuisances):
-    write_observations(observations(), tmp_path / "obs.nc", attrs=replace(ABOUT, nuisances=nuisances))
-    assert read_observations(tmp_path / "obs.nc")[1].nuisances == nuisances
+    write(observations(), tmp_path / "obs.nc", nuisances=nuisances)
+    assert read_observations(tmp_path / "obs.nc").nuisances == nuisances
 
 
 def test_the_same_rows_give_the_same_bytes(tmp_path, path):
-    write_observations(observations(), tmp_path / "again.nc", attrs=ABOUT)
+    write(observations(), tmp_path / "again.nc")
     assert (tmp_path / "again.nc").read_bytes() == path.read_bytes()
 
 
 def test_a_failed_write_leaves_the_earlier_file(tmp_path, path):
     before = path.read_bytes()
     with pytest.raises((TypeError, ValueError)):
-        write_observations(observations(), path, attrs=replace(ABOUT, exterior_ior=object()))
+        write(observations(), path, exterior_ior=object())
     assert path.read_bytes() == before
     assert os.listdir(tmp_path) == ["obs.nc"]
 
@@ -124,7 +127,7 @@ def test_a_column_added_later_does_not_matter(path):
     with h5netcdf.File(path, "a") as file:
         file.create_variable("humidity", ("row",), float)[...] = 1.0
         file.attrs["room"] = "cellar"
-    assert_equal(read_observations(path)[0], observations())
+    assert_equal(read_observations(path).observations, observations())
 
 
 def test_schema_and_file_agree(path):
@@ -195,7 +198,7 @@ BAD_COLUMNS = [
 
 @pytest.mark.parametrize(("name", "data", "expected"), BAD_COLUMNS)
 def test_bad_values(path, name, data, expected):
-    write_observations(replace(observations(), flag=np.full(4, "used")), path, attrs=ABOUT)
+    write(replace(observations(), flag=np.full(4, "used")), path)
     edit(path, name, data, h5py.string_dtype() if getattr(data, "dtype", None) == object else None)
     assert problem(path).startswith(expected)
 
@@ -206,12 +209,12 @@ def test_rows_that_are_not_used_may_be_anything(path):
         flag=np.array(["used", "saturated", "masked", "rejected"]),
         value=np.array([1.0, *[np.nan] * 3]),
     )
-    write_observations(rows, path, attrs=ABOUT)
-    assert_equal(read_observations(path)[0], rows)
+    write(rows, path)
+    assert_equal(read_observations(path).observations, rows)
 
 
 def test_a_flag_that_is_not_known(path):
-    write_observations(replace(observations(), flag=np.full(4, "usedd")), path, attrs=ABOUT)
+    write(replace(observations(), flag=np.full(4, "usedd")), path)
     assert problem(path).startswith("flag has a name that is not known")
 
 
@@ -295,7 +298,7 @@ def test_columns_from_elsewhere(tmp_path, path, trick):
 def test_broken_bytes(tmp_path_factory, edits, cut):
     """Rows or lines, whatever is overwritten or cut off."""
     folder = tmp_path_factory.mktemp("broken")
-    write_observations(observations(2), folder / "obs.nc", attrs=ABOUT)
+    write(observations(2), folder / "obs.nc")
     raw = bytearray((folder / "obs.nc").read_bytes())
     for place, piece in edits:
         place %= len(raw)
@@ -307,6 +310,6 @@ def test_broken_bytes(tmp_path_factory, edits, cut):
 
 def outcome(path: Path) -> list[str] | Observations:
     try:
-        return read_observations(path)[0]
+        return read_observations(path).observations
     except ReflectanceFitError as error:
         return [line for line in error.lines() if line.startswith("Error: ") and line.isprintable()]

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.capture.frames import Capture, Exposure, Frame
-from reflectance_fit.capture.reduce import Bins, FrameMeans, PlaneMeans, SphereBins
 from reflectance_fit.capture.geometry import SECTORS
+from reflectance_fit.capture.reduce import Bins, FrameMeans, PlaneMeans, SphereBins
 from reflectance_fit.observations import Flag, Observations, Quantity, concatenate
 
 FloatArray = NDArray[np.float64]
@@ -40,6 +40,13 @@ class Signals:
     theta_squared: FloatArray
     cos_2phi: FloatArray
     sin_2phi: FloatArray
+
+    @property
+    def mean(self) -> float:
+        """Over all pixels of the bins that are not clipped."""
+        weight = np.where(self.saturated, 0, self.pixels)
+        total = weight.sum()
+        return float(np.sum(weight * np.nan_to_num(self.value)) / total) if total else math.nan
 
 
 @dataclass(frozen=True, slots=True, eq=False)

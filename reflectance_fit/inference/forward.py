@@ -7,11 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.priors import NUISANCES
 from reflectance_fit.inference.rows import CODES, LAST_POWER, Rows
 from reflectance_fit.observations import Quantity
 from reflectance_fit.physics.jit import inlined, kernel
 from reflectance_fit.physics.kernels import analyzer_signal, interface
+from reflectance_fit.priors import NUISANCES
 
 FloatArray = NDArray[np.float64]
 

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.inference.forward import ETA, FIRST_NUISANCE, FIRST_SIGMA, K, neutral_vector
-from reflectance_fit.priors import NUISANCES, Prior
 from reflectance_fit.inference.rows import LAST_POWER, Rows
+from reflectance_fit.priors import NUISANCES, Prior
 
 FloatArray = NDArray[np.float64]
 

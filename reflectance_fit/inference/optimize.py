@@ -8,6 +8,7 @@ NaN values are counted.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 import nlopt
@@ -61,10 +62,9 @@ def local(
     search.set_ftol_abs(1e-10)
     search.set_xtol_rel(1e-10)
     search.set_maxeval(_MAX_EVALUATIONS)
-    try:
+    # Whatever it says in the end, the best point seen so far is kept.
+    with suppress(nlopt.RoundoffLimited, RuntimeError):
         search.optimize(np.clip(start, low, high))
-    except (nlopt.RoundoffLimited, RuntimeError):
-        pass  # the best point seen so far is kept all the same
     return Basin(best_x, float(best_value), nan_count)
 
 

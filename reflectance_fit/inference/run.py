@@ -11,10 +11,10 @@ from reflectance_fit.inference import models, posterior, search
 from reflectance_fit.inference.derived import derived_draws
 from reflectance_fit.inference.identify import interval
 from reflectance_fit.inference.optimize import Basin
-from reflectance_fit.priors import Prior
-from reflectance_fit.result import Candidate, Fit, Interval, Optimum, Posterior
 from reflectance_fit.inference.rows import Rows, estimated_names, gain_names, pack
 from reflectance_fit.observations import Flag, Observations
+from reflectance_fit.priors import Prior
+from reflectance_fit.result import Candidate, Fit, Interval, Optimum, Posterior
 
 FloatArray = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ def fit_channel(
 
     ``nuisances`` maps names to the sigma of their priors.  ``model`` is auto
     (dielectric or conductor, whichever has the lower BIC) or one of MODELS.
-    ``progress`` is called with (channel, steps done, steps at most).
+    ``progress`` is called with (what, steps done, steps at most).
     """
     saturated = int(np.sum(observations.flag == Flag.SATURATED))
     observations = observations.used
@@ -53,14 +53,18 @@ def fit_channel(
     optima = {name: optimum for name, (optimum, _) in found.items()}
     chosen, reason = _choose(optima, forced=model != "auto")
 
-    def draw(name: str, stream: int) -> Posterior:
+    def draw(name: str, stream: int, min_ess: float) -> Posterior:
         candidates = _candidates(built[name], rows, found[name][1], np.random.default_rng([*seed, stream]))
-        report = (lambda done, most: progress(channel, done, most)) if progress else None
-        return posterior.sample(built[name], rows, candidates, (*seed, stream), progress=report)
+        report = (lambda done, most: progress(f"sampling {channel}", done, most)) if progress else None
+        return posterior.sample(
+            built[name], rows, candidates, (*seed, stream), min_ess=min_ess, progress=report
+        )
 
-    samples = draw(chosen, 0)
+    samples = draw(chosen, 0, posterior.MIN_ESS)
     # k = 0 was chosen because k adds nothing; how large it may be is the conductor's to say.
-    k_samples = draw("conductor", 1) if chosen == "dielectric" and model == "auto" else None
+    k_samples = (
+        draw("conductor", 1, posterior.LIMIT_ESS) if chosen == "dielectric" and model == "auto" else None
+    )
     derived = derived_draws(samples.samples["eta"], samples.samples["k"], exterior_ior)
     return Fit(
         channel=channel,

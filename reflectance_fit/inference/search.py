@@ -12,9 +12,9 @@ from reflectance_fit.inference import optimize
 from reflectance_fit.inference.forward import ETA, FIRST_SIGMA, K, predict_vectors
 from reflectance_fit.inference.likelihood import deviances, evaluate
 from reflectance_fit.inference.models import Model
-from reflectance_fit.result import Optimum
 from reflectance_fit.inference.rows import CODES, Rows
 from reflectance_fit.observations import Quantity
+from reflectance_fit.result import Optimum
 
 FloatArray = NDArray[np.float64]
 

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.inputs import sha256_of
 from reflectance_fit.manifests import Polarization
+from reflectance_fit.measured import Measurement, Note
 from reflectance_fit.measurement.checks import check_values
 from reflectance_fit.measurement.keys import QUANTITIES
 from reflectance_fit.measurement.manifest import Manifest, read_manifest
-from reflectance_fit.measured import Measurement, Note
 from reflectance_fit.measurement.tables import Columns, open_table, read_columns
 from reflectance_fit.measurement.woollam import read_woollam
 from reflectance_fit.nuisances import nuisance_sigmas

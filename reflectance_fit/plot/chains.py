@@ -41,7 +41,7 @@ def draw_trace(fit: Fit) -> Figure:
                 color=colour,
                 linewidth=0.7,
                 label=f"ensemble {ensemble + 1}",
-                rasterized=True,
+                rasterized=len(steps) == TRACE_POINTS,
             )
         ax.set_ylabel(label(posterior.names[i]).replace(" (", "\n("))
         ax.set_xlim(0, posterior.trace.shape[1])
@@ -58,7 +58,7 @@ def draw_trace(fit: Fit) -> Figure:
 
 @style.styled
 def draw_autocorrelation(fit: Fit) -> Figure:
-    """The estimate of the autocorrelation time as the chain grew; to be trusted below N / 50."""
+    """The estimate of the autocorrelation time as the chain grew; to be trusted below N / 25."""
     posterior = fit.posterior
     figure, axes = style.grid(panel_height=2.8, width=4.8)
     style.heading(figure, f"{subject(fit)}: autocorrelation time")
@@ -69,12 +69,12 @@ def draw_autocorrelation(fit: Fit) -> Figure:
         xscale="log", yscale="log", xlabel="chain length N (steps)", ylabel="autocorrelation time τ (steps)"
     )
     ends = np.array([n.min(), n.max()]) if len(n) else np.array([50.0, max(100.0, posterior.steps)])
-    ax.plot(ends, ends / 50, color=style.QUIET, linestyle="--", label="τ = N / 50")
+    ax.plot(ends, ends / 25, color=style.QUIET, linestyle="--", label="τ = N / 25")
     ax.fill_between(
-        ends, ends / 50, 1e-9, color=style.QUIET, alpha=0.12, linewidth=0, label="long enough: N > 50 τ"
+        ends, ends / 25, 1e-9, color=style.QUIET, alpha=0.12, linewidth=0, label="long enough: N > 25 τ"
     )
     ax.plot(n, tau, "o-", color=style.INK, label="largest over parameters")
-    seen = np.concatenate([tau, ends / 50])
+    seen = np.concatenate([tau, ends / 25])
     ax.set_ylim(seen.min() / 1.6, seen.max() * 2.5)
     _plain_log(ax.xaxis)
     _plain_log(ax.yaxis)
@@ -104,7 +104,7 @@ def draw_rank(fit: Fit) -> Figure:
         top = max(1.0 + 1.6 * spread, 1.05 * float(np.max(bars)))
         for ensemble, (ax, heights) in enumerate(zip(row, bars, strict=True)):
             colour = style.ENSEMBLES[ensemble % len(style.ENSEMBLES)]
-            ax.bar(edges[:-1], heights, 1 / RANK_BARS, align="edge", color=colour, alpha=0.45, linewidth=0)
+            ax.stairs(heights, edges, fill=True, color=colour, alpha=0.45, linewidth=0)
             ax.stairs(heights, edges, color=colour, linewidth=1.0)
             ax.axhspan(1 - spread, 1 + spread, color=style.QUIET, alpha=0.25, linewidth=0, zorder=0.5)
             ax.axhline(1, color=style.INK, linewidth=0.7, zorder=3)

@@ -7,8 +7,8 @@ import sys
 
 import pytest
 from click.testing import CliRunner
-from reflectance_fit.cli.materials import materials
 
+from reflectance_fit.cli.materials import materials
 from reflectance_fit.errors import ReflectanceFitError
 from reflectance_fit.materials import library
 

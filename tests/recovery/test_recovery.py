@@ -29,10 +29,10 @@ def test_standardised_errors_are_standard(material, model, tmp_path, monkeypatch
         manifest = write_example(folder, material, seed=seed + 100)
         truth = load(folder / "truth.yaml").data["channels"][0]
         channel = fit(manifest, model=model, seed=seed, timings=False).report.channels[0]
-        for name in z:
+        for name, values in z.items():
             found = getattr(channel, name)
             if found.sd:
-                z[name].append((found.median - truth[name]) / found.sd)
+                values.append((found.median - truth[name]) / found.sd)
     assert set(map(len, z.values())) <= {0, SEEDS}
     for name, values in z.items():
         if values:

@@ -36,7 +36,8 @@ HOMES = {
     "click": "reflectance_fit.cli",
     "rich": "reflectance_fit.cli",
     "h5netcdf": ("reflectance_fit.report.netcdf", "reflectance_fit.observations_file"),
-    "ruamel": "reflectance_fit.strict_yaml",
+    "ruamel": ("reflectance_fit.strict_yaml", "reflectance_fit.yaml_edit"),
+    "rawpy": "reflectance_fit.capture.raw",
 }
 
 

@@ -8,7 +8,6 @@ from reflectance_fit.materials.library import entry, get
 from reflectance_fit.report.literature import compare
 from reflectance_fit.result import Interval
 
-
 BOUND = Interval(None, None, None, (0.0, 0.1), "upper_limit")
 
 

@@ -1,0 +1,36 @@
+"""``reflectance-fit ingest``"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from .options import output_options
+
+
+@click.command()
+@click.argument("capture", metavar="CAPTURE.yaml", type=click.Path(path_type=Path))
+@click.option("-o", "--out", type=click.Path(path_type=Path), required=True, metavar="OBS.nc", help="Result.")
+@click.option("--write-hashes", is_flag=True, help="Write the sha256 of every frame into CAPTURE.yaml.")
+@output_options
+def ingest(capture: Path, out: Path, write_hashes: bool) -> None:
+    """Read the photographs of CAPTURE.yaml into calibrated observations with sigma.
+
+    Prints what became of every frame. The observations can be fitted later,
+    without the photographs.
+
+    Example:
+
+    \b
+        reflectance-fit ingest capture.yaml -o obs.nc
+        reflectance-fit fit obs.nc -o result
+    """
+    from reflectance_fit.workflow import ingest_to_file
+
+    from .progress import progress
+    from .tables import print_frames
+
+    with progress() as report:
+        ingested = ingest_to_file(capture, out, write_hashes=write_hashes, progress=report)
+    print_frames(ingested, out)
