@@ -35,6 +35,7 @@ def fit(source: Path, out: Path, model: str, no_plots: bool, no_timings: bool, s
     \b
         reflectance-fit fit measurement.yaml -o result
         reflectance-fit fit capture.yaml -o result
+        reflectance-fit fit obs.nc -o result
     """
     from reflectance_fit.workflow import fit_to_folder
 

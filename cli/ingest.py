@@ -24,7 +24,6 @@ def ingest(capture: Path, out: Path, write_hashes: bool) -> None:
 
     \b
         reflectance-fit ingest capture.yaml -o obs.nc
-        reflectance-fit fit obs.nc -o result
     """
     from reflectance_fit.workflow import ingest_to_file
 

@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from reflectance_fit.capture.frames import Capture, Exposure, Frame, Sphere, darks_for, flats_for
 from reflectance_fit.capture.geometry import bins_of
 from reflectance_fit.capture.observe import Calibrated, calibrate, flat_rows, sphere_rows
@@ -47,10 +49,16 @@ def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
     means, errors = _decode(_jobs(capture, settings), progress)
     rejected = {frame.file: errors[frame.path] for frame in capture.frames if frame.path in errors}
     _check_planes(capture, means)
+    _check_sizes(capture, settings, means)
+    for frame in capture.role("sample"):
+        # Among frames that are divided by their flats it would be out of proportion.
+        flats = flats_for(frame, capture.frames)
+        if flats and not any(flat.path in means for flat in flats):
+            rejected.setdefault(frame.file, "has lost all of its flats")
     samples = [
         _calibrated(capture, frame, settings, means)
         for frame in capture.role("sample")
-        if frame.path in means
+        if frame.file not in rejected
     ]
     if not samples:
         problems = [Problem(str(capture.path), None, f"{file} {reason}") for file, reason in rejected.items()]
@@ -130,3 +138,30 @@ def _check_planes(capture: Capture, means: Mapping[Path, FrameMeans]) -> None:
                 f"{frame.file} has the planes {has}, but camera.sensor says {capture.sensor}; correct it"
             )
             raise ReflectanceFitError(Problem(str(capture.path), frame.line, message))
+
+
+def _check_sizes(
+    capture: Capture, settings: Mapping[Path, Exposure], means: Mapping[Path, FrameMeans]
+) -> None:
+    """The region or the ball must be in the picture, and darks and flats must show the same pixels."""
+    problems = []
+    for frame in capture.role("sample"):
+        if frame.path not in means:
+            continue
+        bins = bins_of(capture, frame)
+        flats = flats_for(frame, capture.frames)
+        others = {d.path: d for one in (frame, *flats) for d in darks_for(one, capture.frames, settings)}
+        others |= {flat.path: flat for flat in flats}
+        own = [plane.pixels for plane in means[frame.path].over(bins).values()]
+        if not sum(int(pixels.sum()) for pixels in own):
+            what = "ball" if isinstance(capture.geometry, Sphere) else "region"
+            message = f"{frame.file} does not show the {what}: it is outside the picture; correct it"
+            problems.append(Problem(str(capture.path), frame.line, message))
+        for other in others.values():
+            if other.path in means:
+                theirs = [plane.pixels for plane in means[other.path].over(bins).values()]
+                if not all(map(np.array_equal, own, theirs)):
+                    message = f"{other.file} is not of the size of {frame.file}; use frames of one camera setting"
+                    problems.append(Problem(str(capture.path), other.line, message))
+    if problems:
+        raise ReflectanceFitError(sorted(set(problems), key=lambda p: p.line or 0))

@@ -2,7 +2,8 @@
 
 A signal is DN per second.  Its sigma is that of the mean over a bin: shot and
 read noise of the pixels, of the frame and of its darks.  Fixed patterns (PRNU,
-vignetting) are equal in all frames that share a gain and go into that gain.
+vignetting) are equal in all frames that share a gain and go into that gain; on
+a sphere they do not, and flats divide them out at the price of their own noise.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ FloatArray = NDArray[np.float64]
 SATURATED_SHARE = 1e-3
 QUANTISATION = 1 / 12  # DN^2
 MIN_PIXELS = 20  # of a bin on a sphere
-TYPICAL_PRNU = 0.005  # where no flat tells
+TYPICAL_PRNU = 0.005  # where no flat divides it out
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,16 +83,19 @@ def calibrate(
     for channel in frame.channels:
         plane = "mono" if capture.sensor == "mono" else channel
         own = means.over(bins)[plane]
-        noise = _noise(capture, channel, plane, means)
+        noise = _noise(capture, channel, plane, means, darks, [flat[0] for flat in flats])
         value, variance = _minus_darks(own, noise, [d.over(bins)[plane] for d in darks])
-        if isinstance(bins, SphereBins):
-            prnu = _prnu(noise, [flat[0].scatter[plane] for flat in flats])
-            variance = variance + (prnu * value) ** 2 / np.maximum(own.pixels, 1)
         seconds = float(exposure.seconds or math.nan)
         value, variance = value / seconds, variance / seconds**2
+        # On a sphere each bin has its own pixels, so what they differ by does not go into a gain.
+        unlike = (TYPICAL_PRNU * value) ** 2 / np.maximum(own.pixels, 1)
         if flats:
-            level = np.mean([_flat(flat, bins, plane) for flat in flats], axis=0)
+            levels, noises = zip(*(_flat(flat, bins, plane, noise) for flat in flats), strict=True)
+            level = np.mean(levels, axis=0)
             value, variance = value / level, variance / level**2
+            unlike = value**2 * np.sum(noises, axis=0) / (len(flats) * level) ** 2
+        if isinstance(bins, SphereBins):
+            variance = variance + unlike
         channels[channel] = Signals(
             value=value,
             variance=variance,
@@ -105,14 +109,26 @@ def calibrate(
     return Calibrated(frame, exposure, channels)
 
 
-def _noise(capture: Capture, channel: str, plane: str, means: FrameMeans) -> tuple[float, float]:
-    """(a, b) of a pixel's variance a * mean + b, DN^2; NaN where neither manifest nor file has a model."""
+def _noise(
+    capture: Capture,
+    channel: str,
+    plane: str,
+    means: FrameMeans,
+    darks: Sequence[FrameMeans],
+    flats: Sequence[FrameMeans],
+) -> tuple[float, float]:
+    """(a, b) of a pixel's variance a * mean + b, DN^2: the manifest's, the file's, that of the flats, or NaN."""
     if capture.noise is not None:
         noise = capture.noise[channel]
         return 1 / noise.gain_e_per_dn, (noise.read_noise_e / noise.gain_e_per_dn) ** 2 + QUANTISATION
     if means.noise is not None and plane in means.noise:
         return means.noise[plane]
-    return math.nan, math.nan
+    if not flats:
+        return math.nan, math.nan
+    # How neighbours differ holds the pixels' own differences too, so this errs to the large side.
+    floor = float(np.mean([d.scatter[plane][1] for d in darks])) if darks else QUANTISATION
+    slopes = [(variance - floor) / mean for mean, variance in (f.scatter[plane] for f in flats)]
+    return max(float(np.mean(slopes)), 0.0), floor
 
 
 def _minus_darks(
@@ -132,23 +148,13 @@ def _variance(means: PlaneMeans, noise: tuple[float, float]) -> FloatArray:
     return np.asarray(pixel / np.maximum(means.pixels, 1))
 
 
-def _prnu(noise: tuple[float, float], scatter: Sequence[tuple[float, float]]) -> float:
-    """Pixel response non-uniformity from the flats: the scatter of neighbours that noise does not explain.
-
-    On a sphere each bin has its own pixels, so it does not cancel.
-    """
-    if not scatter or math.isnan(noise[0]):
-        return TYPICAL_PRNU
-    slope, floor = noise
-    excess = np.mean([(variance - slope * mean - floor) / mean**2 for mean, variance in scatter])
-    return math.sqrt(max(float(excess), 0.0))
-
-
-def _flat(flat: tuple[FrameMeans, float, Sequence[FrameMeans]], bins: Bins, plane: str) -> FloatArray:
-    """A flat's level over the bins, DN per second."""
+def _flat(
+    flat: tuple[FrameMeans, float, Sequence[FrameMeans]], bins: Bins, plane: str, noise: tuple[float, float]
+) -> tuple[FloatArray, FloatArray]:
+    """A flat's level over the bins, DN per second, and its variance."""
     means, seconds, darks = flat
-    value, _ = _minus_darks(means.over(bins)[plane], (0.0, 0.0), [d.over(bins)[plane] for d in darks])
-    return value / seconds
+    value, variance = _minus_darks(means.over(bins)[plane], noise, [d.over(bins)[plane] for d in darks])
+    return value / seconds, variance / seconds**2
 
 
 def flat_rows(capture: Capture, samples: Sequence[Calibrated]) -> Observations:

@@ -6,14 +6,17 @@ import os
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
 
-from reflectance_fit import workflow
+from reflectance_fit import demonstration, workflow
 from reflectance_fit.cli.main import VERBS, cli
-from reflectance_fit.data_synthetic.example import copy_example
+from reflectance_fit.data_synthetic.sensor import Sensor
+from reflectance_fit.data_synthetic.spec import standard_spec
+from reflectance_fit.data_synthetic.tables import write_example
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.inference import posterior
 from reflectance_fit.plot import figures
@@ -50,7 +53,7 @@ def tree(folder: Path) -> dict[str, bytes]:
 
 @pytest.fixture
 def source(tmp_path):
-    copy_example("Au", tmp_path / "in")
+    write_example(tmp_path / "in", "Au")
     return tmp_path / "in" / "measurement.yaml"
 
 
@@ -58,7 +61,7 @@ def source(tmp_path):
 def fitted(tmp_path_factory):
     """A finished fit, made once."""
     folder = tmp_path_factory.mktemp("gold")
-    copy_example("Au", folder)
+    write_example(folder, "Au")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(posterior, "MIN_ESS", 500.0)
         patch.setattr(posterior, "BLOCK", 150)
@@ -486,18 +489,27 @@ def test_schlick_refuses(arguments, message, tmp_path, monkeypatch):
 
 
 def test_demo_of_an_unknown_material(tmp_path):
-    (line,) = error_lines(run("demo", "-o", tmp_path / "demo", "--material", "AU"))
-    assert line == "Error: no example of 'AU'; choose N-BK7 or Au"
+    (line,) = error_lines(run("demo", "-o", tmp_path / "demo", "--material", "Kryptonite"))
+    assert "Kryptonite" in line
     assert not (tmp_path / "demo").exists()
 
 
-def test_demo_compares_with_the_truth(tmp_path, canned):
+def test_demo_compares_with_the_truth(tmp_path, monkeypatch):
+    """The real job on a small sensor, at two angles."""
+
+    def small(material, **options):
+        sensor = Sensor(width=200, height=160)
+        return replace(standard_spec(material, **options), sensor=sensor, angles_deg=(60.0, 75.0))
+
+    monkeypatch.setattr(demonstration, "standard_spec", small)
     result = run("demo", "-o", tmp_path / "demo", "--material", "Au", "--no-plots")
     assert result.exit_code == 0
-    cells = [line.split() for line in result.stdout.splitlines()[2:5]]
-    assert [row[1] for row in cells] == ["eta", "k", "pseudo-brewster"]
-    assert [row[-1] for row in cells] == ["sd"] * 3
-    assert (tmp_path / "demo" / "Au" / "measurement" / "truth.yaml").is_file()
+    cells = [line.split() for line in result.stdout.splitlines()[2:11]]
+    assert [row[1] for row in cells] == [c for c in "RGB" for _ in range(3)]
+    assert [row[2] for row in cells] == ["eta", "k", "pseudo-brewster"] * 3
+    assert [row[-1] for row in cells] == ["sd"] * 9
+    assert all(abs(float(row[-2])) < 4 for row in cells)
+    assert (tmp_path / "demo" / "Au" / "capture" / "truth.yaml").is_file()
     assert (tmp_path / "demo" / "Au" / "result" / "report.yaml").is_file()
 
 

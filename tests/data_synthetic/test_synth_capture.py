@@ -326,8 +326,8 @@ def test_progress_counts_to_the_end(tmp_path):
     said = []
     spec = CaptureSpec("N-BK7", angles_deg=(45.0, 60.0), settings=(Setting(0.0),), sensor=SMALL)
     write_capture(tmp_path, spec, progress=lambda *what: said.append(what))
-    assert [s for s in said if s[0] == "frames"] == [("frames", n, 3) for n in (1, 2, 3)]
-    assert said[-1][0] == "darks"
+    assert [s for s in said if s[0] == "taking frames"] == [("taking frames", n, 3) for n in (1, 2, 3)]
+    assert said[-1][0] == "taking darks"
     assert said[-1][1] == said[-1][2]
 
 

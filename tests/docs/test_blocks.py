@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from reflectance_fit.capture.manifest import Manifest as Capture
 from reflectance_fit.measurement.manifest import Manifest
 
 ROOT = Path(__file__).parents[2]
@@ -148,16 +149,12 @@ def test_only_what_cannot_run_is_skipped():
         assert set(re.findall(r"skip: (\S+)", page.read_text(encoding="utf-8"))) <= {"next"}, page.name
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        text
-        for _, _, language, text in blocks()
-        if language == "yaml" and "reflectance_fit/measurement/1" in text
-    ],
-)
-def test_every_measurement_shown_is_valid(text):
-    Manifest.model_validate(yaml.safe_load(text))
+@pytest.mark.parametrize(("schema", "model"), [("measurement/1", Manifest), ("capture/1", Capture)])
+def test_every_manifest_shown_is_valid(schema, model):
+    shown = [text for _, _, language, text in blocks() if language == "yaml" and f"fit/{schema}" in text]
+    assert len(shown) >= 2
+    for text in shown:
+        model.model_validate(yaml.safe_load(text))
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())

@@ -12,9 +12,10 @@ from click.testing import CliRunner, Result
 
 from reflectance_fit import workflow
 from reflectance_fit.cli.main import cli
-from reflectance_fit.data_synthetic.example import copy_example
+from reflectance_fit.data_synthetic.tables import write_example
 from reflectance_fit.inference import posterior
 from reflectance_fit.inference.run import fit_channel
+from reflectance_fit.report.read import read_report
 
 
 def run(*arguments: object) -> Result:
@@ -40,7 +41,7 @@ def refused(folder: Path, *arguments: object) -> str:
 
 @pytest.fixture
 def source(tmp_path):
-    copy_example("Au", tmp_path)
+    write_example(tmp_path, "Au")
     return tmp_path / "measurement.yaml"
 
 
@@ -140,7 +141,7 @@ def test_in_a_process_of_its_own(source, tmp_path):
 def quick(tmp_path_factory):
     """One real fit, handed to every measurement of the module."""
     folder = tmp_path_factory.mktemp("gold")
-    copy_example("Au", folder)
+    write_example(folder, "Au")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(posterior, "MIN_ESS", 500.0)
         patch.setattr(posterior, "BLOCK", 150)
@@ -194,7 +195,7 @@ def test_sample_names(source, tmp_path, quick, name):
     again = run("schlick", report)
     assert again.exit_code == 0, again.output
     assert all(line.isprintable() for line in again.stdout.splitlines())
-    assert workflow.read_report(report).sample.name == name
+    assert read_report(report).sample.name == name
 
 
 def test_names_on_pictures(tmp_path, monkeypatch):
@@ -203,7 +204,7 @@ def test_names_on_pictures(tmp_path, monkeypatch):
     monkeypatch.setattr(posterior, "BLOCK", 150)
     monkeypatch.setattr(posterior, "MAX_STEPS", 150)
     monkeypatch.setattr(workflow, "fit_channel", fit_channel)
-    copy_example("N-BK7", tmp_path)
+    write_example(tmp_path, "N-BK7")
     source = tmp_path / "measurement.yaml"
     text = source.read_text().replace("- file:", '- gain_group: "$\\\\frac{_\\u202e\\e[31m[red]"\n  file:')
     source.write_text(text.replace("N-BK7 (synthetic)", "$x_{$"))

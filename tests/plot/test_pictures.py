@@ -11,6 +11,7 @@ import pytest
 from matplotlib._pylab_helpers import Gcf
 from matplotlib.image import imread
 
+from reflectance_fit.inference.predict import predictor
 from reflectance_fit.plot.chains import draw_autocorrelation, draw_rank, draw_trace
 from reflectance_fit.plot.corner import draw_corner
 from reflectance_fit.plot.curve import Model, turn
@@ -130,9 +131,9 @@ def test_a_failed_picture_leaves_nothing_behind(glass, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-def test_the_band_holds_the_curve_and_is_as_narrow_as_the_data_make_it(glass, predict):
+def test_the_band_holds_the_curve_and_is_as_narrow_as_the_data_make_it(glass):
     """A draw's own gain, not the optimum's: else a 1 % error of eta would be 5 % of signal."""
-    model = Model(glass, predict(glass))
+    model = Model(glass, predictor(glass))
     (panel,) = panels(glass.observations)
     for series in panel.series:
         curve = model.curve(panel, series)

@@ -19,9 +19,11 @@ LAYERS = (
     {"angles"},  # cosines of degrees by numpy alone, so that physics may stand on it
     {"physics"},
     {"observations", "material", "materials", "priors", "result", "errors", "strict_yaml"}
-    | {"files", "inputs", "manifests", "measured", "nuisances", "observations_columns", "observations_file"},
+    | {"files", "inputs", "manifests", "measured", "nuisances", "observations_columns", "observations_file"}
+    | {"yaml_edit"},
     {"measurement", "capture", "inference", "report", "plot", "data_synthetic"},
-    {"workflow"},
+    {"workflow", "workflow_schlick"},
+    {"demonstration"},
     {"cli"},
 )
 RANK = {part: rank for rank, layer in enumerate(LAYERS) for part in layer}

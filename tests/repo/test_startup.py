@@ -4,6 +4,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -11,7 +12,10 @@ import pytest
 from click.testing import CliRunner
 
 from reflectance_fit.cli.main import cli
-from reflectance_fit.data_synthetic.example import copy_example
+from reflectance_fit.data_synthetic.capture import write_capture
+from reflectance_fit.data_synthetic.sensor import Sensor
+from reflectance_fit.data_synthetic.spec import standard_spec
+from reflectance_fit.data_synthetic.tables import write_example
 
 HEAVY = {"numpy", "scipy", "numba", "emcee", "nlopt", "colour", "matplotlib", "corner", "h5py", "h5netcdf"} | {
     "pydantic", "rich", "yaml", "ruamel", "arviz_stats"
@@ -115,11 +119,25 @@ RUN = [
 ]
 
 
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory):
+    """What the examples name: a table, a small capture and its observations."""
+    folder = tmp_path_factory.mktemp("inputs")
+    write_example(folder, "Au")
+    spec = replace(standard_spec("Au"), sensor=Sensor(width=200, height=160), angles_deg=(60.0, 75.0))
+    write_capture(folder, spec)
+    assert (
+        CliRunner().invoke(cli, ["ingest", f"{folder}/capture.yaml", "-o", f"{folder}/obs.nc"]).exit_code == 0
+    )
+    return folder
+
+
 @pytest.mark.parametrize("example", RUN, ids=" ".join)
-def test_every_example_runs(example, tmp_path, monkeypatch):
+def test_every_example_runs(example, inputs, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    if example[0] in ("fit", "ingest"):
+        shutil.copytree(inputs, tmp_path, dirs_exist_ok=True)
     if example[0] == "fit":
-        copy_example("Au", tmp_path)
         example = [*example, "--no-plots"]
     result = CliRunner().invoke(cli, example)
     assert result.exit_code == 0, result.output

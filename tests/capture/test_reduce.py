@@ -1,0 +1,156 @@
+"""Bins against one pixel at a time, with the geometry of the ball written as vectors."""
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from reflectance_fit.capture.raw import RawFrame
+from reflectance_fit.capture.reduce import Region, SphereBins, reduce_frame
+from reflectance_fit.data_synthetic.sensor import Sensor, expose, fixed_pattern
+
+WIDTH, HEIGHT = 50, 38
+PATTERNS = ("RGGB", "BGGR", "GRBG", "GBRG")
+BLACK = np.array([[100.0, 105.5], [90.0, 111.25]])
+WHITE = 4000.0
+EDGES = tuple(np.radians([8.0, 20.0, 31.0, 45.0, 70.0]))
+SECTORS = 6
+
+
+def raw(pattern="GRBG", noise_profile=None, cfa=None):
+    generator = np.random.default_rng(3)
+    if cfa is None:
+        # A fifth of the pixels is clipped.
+        cfa = np.minimum(generator.integers(80, 5000, (HEIGHT, WIDTH)), 4000).astype(np.uint16)
+    names = np.full((2, 2), "mono") if pattern == "MONO" else np.array(list(pattern)).reshape(2, 2)
+    return RawFrame(cfa, names, BLACK, WHITE, Fraction(1, 8), 100.0, noise_profile)
+
+
+def one_by_one(frame, bin_of):
+    """{(plane, bin): [pixels, clipped, sum of DN, then sums of the angles' functions]}."""
+    sums = {}
+    for y in range(frame.cfa.shape[0]):
+        for x in range(frame.cfa.shape[1]):
+            where = bin_of(x, y)
+            if where is None:
+                continue
+            number, angles = where
+            black = frame.black[y % 2, x % 2]
+            dn = float(frame.cfa[y, x])
+            clipped = dn - black >= 0.98 * (frame.white - black)
+            row = sums.setdefault((str(frame.pattern[y % 2, x % 2]), number), np.zeros(3 + len(angles)))
+            row += np.array([1, clipped, dn - black, *angles])
+    return sums
+
+
+@pytest.mark.parametrize("pattern", [*PATTERNS, "MONO"])
+@pytest.mark.parametrize(
+    "region", [(0, 0, 50, 38), (3, 5, 22, 30), (4, 7, 5, 38), (11, 2, 50, 3), (30, 20, 99, 99)]
+)
+def test_regions(pattern, region):
+    x0, y0, x1, y1 = region
+    frame = raw(pattern)
+    means = reduce_frame(frame, (Region(*region),)).over(Region(*region))
+    expected = one_by_one(frame, lambda x, y: (0, ()) if x0 <= x < x1 and y0 <= y < y1 else None)
+    for name, plane in means.items():
+        pixels, clipped, total = expected.get((name, 0), np.zeros(3))
+        assert plane.pixels == [pixels]
+        assert plane.saturated == [clipped]
+        if pixels:
+            assert plane.mean == pytest.approx([total / pixels], abs=1e-9)
+        else:
+            assert np.isnan(plane.mean)
+        assert np.isnan(plane.theta)
+    assert set(means) == ({"mono"} if pattern == "MONO" else set("RGB"))
+    assert sum(plane.saturated[0] for plane in means.values()) > 0
+
+
+def test_no_region_is_all_of_the_sensor():
+    planes = reduce_frame(raw(), (Region(),)).over(Region())
+    assert sum(plane.pixels[0] for plane in planes.values()) == WIDTH * HEIGHT
+
+
+def sphere_bin(bins):
+    ax, ay = math.cos(bins.analyzer), math.sin(bins.analyzer)
+
+    def bin_of(x, y):
+        right, up = x - bins.center_x, bins.center_y - y
+        r = math.hypot(right, up)
+        if r >= bins.radius:
+            return None
+        theta = math.asin(r / bins.radius)
+        ring = [i for i in range(len(bins.edges) - 1) if bins.edges[i] <= theta < bins.edges[i + 1]]
+        if not ring:
+            return None
+        sx, sy = -up / r, right / r
+        c, s = ax * sx + ay * sy, sx * ay - sy * ax  # of the angle from s to the analyzer
+        sector = int(math.atan2(s, c) % math.pi / math.pi * bins.sectors) % bins.sectors
+        return ring[0] * bins.sectors + sector, (theta, theta**2, c * c - s * s, 2 * s * c)
+
+    return bin_of
+
+
+@pytest.mark.parametrize("pattern", [*PATTERNS, "MONO"])
+@pytest.mark.parametrize(
+    ("centre", "radius", "analyzer_deg"),
+    [
+        ((24.3, 18.6), 17.2, 0.0),
+        ((25.0, 17.0), 16.0, 40.0),  # the centre on a pixel
+        ((21.7, 20.1), 15.4, 117.0),
+        ((2.2, 35.4), 20.3, -30.0),  # beyond the edges
+        ((-60.0, -80.0), 20.0, 0.0),  # all outside
+        ((24.3, 18.6), 300.0, 90.0),  # larger than the picture
+    ],
+)
+def test_spheres(pattern, centre, radius, analyzer_deg):
+    frame = raw(pattern)
+    bins = SphereBins(*centre, radius, math.radians(analyzer_deg), EDGES, SECTORS)
+    means = reduce_frame(frame, (bins,)).over(bins)
+    expected = one_by_one(frame, sphere_bin(bins))
+    for name, plane in means.items():
+        for number in range((len(EDGES) - 1) * SECTORS):
+            row = expected.get((name, number), np.zeros(7))
+            found = [getattr(plane, n)[number] for n in ("mean", "theta", "theta_squared", "cos_2phi", "sin_2phi")]
+            assert plane.pixels[number] == row[0]
+            assert plane.saturated[number] == row[1]
+            if row[0]:
+                assert found == pytest.approx(list(row[2:] / row[0]), abs=1e-9)
+            else:
+                assert np.isnan(found).all()
+
+
+def test_several_bins_of_one_frame_stay_apart():
+    first, second = Region(0, 0, 10, 10), Region(10, 10, 20, 20)
+    means = reduce_frame(raw(), (first, second))
+    assert means.over(second)["R"].mean != means.over(first)["R"].mean
+    assert means.over(second)["R"].mean == reduce_frame(raw(), (second,)).over(second)["R"].mean
+
+
+def test_the_noise_profile_in_dn():
+    profile = {"R": (1e-4, 1e-6), "G": (2e-4, 2e-6), "B": (3e-4, 0.0)}
+    noise = reduce_frame(raw("GRBG", profile), (Region(),)).noise
+    spans = {"R": 4000 - 105.5, "G": 4000 - (100 + 111.25) / 2, "B": 4000 - 90.0}
+    for name, (slope, floor) in profile.items():
+        assert noise[name] == pytest.approx((slope * spans[name], floor * spans[name] ** 2))
+    assert reduce_frame(raw(), (Region(),)).noise is None
+
+
+def test_scatter_of_a_flat_is_noise_and_response_without_falloff():
+    sensor = Sensor(width=400, height=320, prnu=0.01, dsnu_dn=0.0, background_e_per_s=0.0, read_noise_e=5.0)
+    generator = np.random.default_rng(5)
+    pixels = fixed_pattern(sensor, generator)
+    exposure = Fraction(1, 2000)
+    cfa = expose(np.full((1, 1), 0.8, dtype=np.float32), exposure, sensor, pixels, generator)
+    names = np.array(list(sensor.pattern)).reshape(2, 2)
+    frame = RawFrame(cfa, names, np.array(sensor.black, dtype=float), 15871.0, exposure, 100.0, None)
+    for name, (mean, variance) in reduce_frame(frame, (Region(),)).scatter.items():
+        middle = np.ma.masked_all(cfa.shape)
+        for y in range(80, 240):
+            for x in range(100, 300):
+                if names[y % 2, x % 2] == name:
+                    middle[y, x] = float(cfa[y, x]) - sensor.black[y % 2][x % 2]
+        expected = mean / 2.2 + (5.0 / 2.2) ** 2 + 1 / 12 + (0.01 * mean) ** 2
+        assert mean == pytest.approx(middle.mean(), rel=0.003)
+        # 8000 pixels, of pairs that share one: 5 sigma.
+        assert variance == pytest.approx(expected, rel=5 * math.sqrt(3 / 8000))
