@@ -24,7 +24,7 @@ def draw_trace(fit: Fit) -> Figure:
     figure, axes = style.grid(
         len(moving),
         panel_height=1.35 if len(moving) <= 4 else 1.0,
-        left=0.95,
+        left=1.2,
         top=0.52,
         gap=(0.18, 0.0),
         share_x=True,

@@ -74,7 +74,7 @@ def draw_residuals(fit: Fit) -> Figure:
         ax.set_ylabel(f"{panel.ylabel.split(' (')[0]}\nresidual (σ)" if len(shown) > 1 else "residual (σ)")
         if number == len(shown) - 1 or panel.abscissa != shown[number + 1].abscissa:
             ax.set_xlabel(ABSCISSAS[panel.abscissa])
-        if 1 < len(panel.series) <= 6:
+        if 1 < len(panel.series) <= 4:
             ax.legend(
                 loc="lower right", bbox_to_anchor=(1.0, 1.01), ncols=len(panel.series), columnspacing=1.2
             )

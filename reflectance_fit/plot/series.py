@@ -126,7 +126,8 @@ def _name(observations: Observations, row: int, abscissa: str) -> str:
     quantity = Quantity(str(observations.quantity[row]))
     analyzer = observations.analyzer_deg[row]
     if quantity == Quantity.SIGNAL and np.isfinite(analyzer):
-        return f"analyzer {analyzer:g}°"
+        plate = observations.retarder_deg[row]
+        return f"analyzer {analyzer:g}°" + (f", plate {plate:g}°" if np.isfinite(plate) else "")
     fixed = {
         Quantity.SIGNAL_S: "s",
         Quantity.SIGNAL_P: "p",

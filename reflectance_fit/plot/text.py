@@ -65,7 +65,7 @@ def with_error(value: float, sd: float) -> str:
     # Two digits where the first is a 1: 0.1 for 0.14 would be off by 40 %.
     leading = math.floor(math.log10(sd))
     digits = max(0, -leading + (1 if sd / 10**leading < 1.95 else 0))
-    if digits > 5:
+    if digits > 5 and abs(value) < 1e-3:
         return f"{value:.2g} ± {sd:.1g}".replace("-", "−")
     # Adding zero turns a rounded -0.0 into 0.0.
     return f"{round(value, digits) + 0.0:.{digits}f} ± {sd:.{digits}f}".replace("-", "−")
