@@ -94,6 +94,8 @@ def print_frames(ingested: Ingested, out: Path) -> None:
         sample = samples.get(frame.file)
         seconds = ingested.settings[frame.path].seconds
         status = "rejected: " + ingested.rejected[frame.file] if frame.file in ingested.rejected else "used"
+        if frame.file in ingested.unused:
+            status = "unused: serves no frame"
         pixels, clipped, signals = "-", "-", ["-"] * len(capture.channels)
         if sample is not None:
             channels = sample.channels

@@ -42,7 +42,7 @@ ATTRIBUTES: Mapping[str, str] = {
     "schema": SCHEMA,
     "sample": "name of the sample",
     "exterior_ior": "index around the sample",
-    "nuisances": "JSON: name to the sigma of its prior, null for flat; absent: the fit decides",
+    "nuisances": "JSON: name to the sigma of its prior, null for flat; absent: none",
     "priors": "JSON: eta and k, as in the block of manifests",
     "warnings": "JSON: list of {code, message}",
     "inputs": "JSON: list of {file, sha256}, the manifest first",

@@ -26,13 +26,15 @@ class Ingested:
     """What a fit needs, and what became of every photograph.
 
     ``samples`` are the sample frames that were used, ``rejected`` maps the
-    others' files to the reason, ``settings`` every file's exposure and ISO.
+    others' files to the reason, ``unused`` are darks and flats that serve no
+    sample frame, ``settings`` every file's exposure and ISO.
     """
 
     capture: Capture
     measurement: Measurement
     samples: tuple[Calibrated, ...]
     rejected: dict[str, str]
+    unused: frozenset[str]
     settings: dict[Path, Exposure]
 
 
@@ -46,7 +48,8 @@ def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
     """
     hashes = check_hashes(capture)
     settings = read_settings(capture)
-    means, errors = _decode(_jobs(capture, settings), progress)
+    jobs = _jobs(capture, settings)
+    means, errors = _decode(jobs, progress)
     rejected = {frame.file: errors[frame.path] for frame in capture.frames if frame.path in errors}
     _check_planes(capture, means)
     _check_sizes(capture, settings, means)
@@ -80,7 +83,8 @@ def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
         warnings=tuple(notes),
         inputs=(*capture.inputs, *((frame.file, hashes[frame.path]) for frame in capture.frames)),
     )
-    return Ingested(capture, measurement, tuple(samples), rejected, settings)
+    unused = frozenset(frame.file for frame in capture.frames if frame.path not in jobs)
+    return Ingested(capture, measurement, tuple(samples), rejected, unused, settings)
 
 
 def _jobs(capture: Capture, settings: Mapping[Path, Exposure]) -> dict[Path, tuple[Bins, ...]]:
@@ -161,7 +165,9 @@ def _check_sizes(
             if other.path in means:
                 theirs = [plane.pixels for plane in means[other.path].over(bins).values()]
                 if not all(map(np.array_equal, own, theirs)):
-                    message = f"{other.file} is not of the size of {frame.file}; use frames of one camera setting"
+                    message = (
+                        f"{other.file} is not of the size of {frame.file}; use frames of one camera setting"
+                    )
                     problems.append(Problem(str(capture.path), other.line, message))
     if problems:
         raise ReflectanceFitError(sorted(set(problems), key=lambda p: p.line or 0))

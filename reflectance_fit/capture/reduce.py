@@ -154,11 +154,11 @@ def _site(frame: RawFrame, y: int, x: int, bins: Bins) -> PlaneMeans:
     top, left = (max(0, math.floor(c - bins.radius)) for c in (bins.center_y, bins.center_x))
     rows = slice(top + (y - top) % 2, math.ceil(bins.center_y + bins.radius) + 1, 2)
     columns = slice(left + (x - left) % 2, math.ceil(bins.center_x + bins.radius) + 1, 2)
-    dn = frame.cfa[rows, columns].ravel()
-    ys, xs = np.mgrid[rows.start : frame.cfa.shape[0] : 2, columns.start : frame.cfa.shape[1] : 2]
-    shape = frame.cfa[rows, columns].shape
-    across = (xs[: shape[0], : shape[1]] - bins.center_x).ravel()
-    up = (bins.center_y - ys[: shape[0], : shape[1]]).ravel()
+    dn = frame.cfa[rows, columns]
+    down, right = 2 * np.indices(dn.shape)
+    across = (columns.start + right - bins.center_x).ravel()
+    up = (bins.center_y - rows.start - down).ravel()
+    dn = dn.ravel()
     distance = np.hypot(across, up)
     inside = distance < bins.radius * math.sin(bins.edges[-1])
     inside &= distance >= bins.radius * math.sin(bins.edges[0])

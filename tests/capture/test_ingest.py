@@ -104,7 +104,9 @@ def test_a_whole_capture(capture):
     assert [sample.frame.file for sample in ingested.samples] == [f"raw/{i:03d}.dng" for i in range(SAMPLES)]
     frames = len(list((capture.parent / "raw").iterdir()))
     assert told == [("reading frames", i, frames) for i in range(1, frames + 1)]
-    assert [file for file, _ in ingested.measurement.inputs[1:]] == [f"raw/{i:03d}.dng" for i in range(frames)]
+    assert [file for file, _ in ingested.measurement.inputs[1:]] == [
+        f"raw/{i:03d}.dng" for i in range(frames)
+    ]
     for file, digest in ingested.measurement.inputs:
         assert digest == hashlib.sha256((capture.parent / file).read_bytes()).hexdigest()
     assert np.all(rows.sigma < 2e-3 * rows.value.max())
@@ -117,7 +119,9 @@ def test_a_changed_file_is_told_with_its_line(capture):
     found = problems(capture)
     assert len(found) == 2
     for line, name in zip(found, ("raw/002.dng", "raw/005.dng"), strict=True):
-        assert line.startswith(f"Error: capture.yaml:{line_of(capture, name)}: {name} has changed: its sha256 is ")
+        assert line.startswith(
+            f"Error: capture.yaml:{line_of(capture, name)}: {name} has changed: its sha256 is "
+        )
 
 
 def test_without_a_hash_the_user_is_told(capture):
@@ -130,7 +134,7 @@ def test_without_a_hash_the_user_is_told(capture):
 def test_write_hashes_keeps_what_a_person_wrote(capture, tmp_path):
     edit(capture, 0)
     text = "# my rig\n" + capture.read_text().replace("frames:\n", "frames:   # all of them\n")
-    text = re.sub(r"name: .*\}", 'name: "K9 \'old\'"}', text, count=1)
+    text = re.sub(r"name: .*\}", "name: \"K9 'old'\"}", text, count=1)
     assert "sha256" not in text
     assert "# all of them" in text
     capture.write_text(text)
@@ -144,7 +148,9 @@ def test_write_hashes_keeps_what_a_person_wrote(capture, tmp_path):
     assert "\"K9 'old'\"" in new
     frames = yaml.safe_load(new)["frames"]
     for frame in frames:
-        assert frame.pop("sha256") == hashlib.sha256((capture.parent / frame["file"]).read_bytes()).hexdigest()
+        assert (
+            frame.pop("sha256") == hashlib.sha256((capture.parent / frame["file"]).read_bytes()).hexdigest()
+        )
     assert frames == yaml.safe_load(text)["frames"]
     old, new_data = yaml.safe_load(text), yaml.safe_load(new)
     assert {k: v for k, v in old.items() if k != "frames"} == {
@@ -160,7 +166,10 @@ def test_write_hashes_keeps_what_a_person_wrote(capture, tmp_path):
 def test_mixed_iso(capture):
     edit(capture, 1, iso=200)
     (line,) = problems(capture)
-    assert line == "Error: capture.yaml: the frames were taken at ISO 100, 200: their gains and noise differ; use one"
+    assert (
+        line
+        == "Error: capture.yaml: the frames were taken at ISO 100, 200: their gains and noise differ; use one"
+    )
 
 
 def test_an_exposure_that_nobody_states(capture):
@@ -191,7 +200,12 @@ def test_a_missing_frame(capture):
         (lambda raw: b"", "the file is empty"),
         (lambda raw: b"not a picture", "has no header of a raw format"),
         (
-            lambda raw: b"II*\0\x08\0\0\0\x02\0" + b"\0\1\4\0\1\0\0\0\x10\0\0\0" + b"\1\1\4\0\1\0\0\0\x10\0\0\0" + bytes(4),
+            lambda raw: (
+                b"II*\0\x08\0\0\0\x02\0"
+                + b"\0\1\4\0\1\0\0\0\x10\0\0\0"
+                + b"\1\1\4\0\1\0\0\0\x10\0\0\0"
+                + bytes(4)
+            ),
             "is a plain TIFF without a raw image",
         ),
     ],
@@ -210,7 +224,9 @@ def test_a_colour_sensor_stated_mono(capture):
     camera = {"sensor": "mono", "channels": {"550": {"wavelength_nm": 550}}}
     change(capture, camera=camera)
     (line,) = problems(capture)
-    assert line.startswith(f"Error: capture.yaml:{line_of(capture, 'raw/000.dng')}: raw/000.dng has the planes B, G, R")
+    assert line.startswith(
+        f"Error: capture.yaml:{line_of(capture, 'raw/000.dng')}: raw/000.dng has the planes B, G, R"
+    )
     assert "camera.sensor says mono" in line
 
 
@@ -225,7 +241,9 @@ def test_a_mono_sensor_stated_bayer(capture):
     mono_dng(capture.parent / "raw/002.dng", 1000)
     edit(capture, 0)
     (line,) = problems(capture)
-    assert line.startswith(f"Error: capture.yaml:{line_of(capture, 'raw/002.dng')}: raw/002.dng has the planes mono")
+    assert line.startswith(
+        f"Error: capture.yaml:{line_of(capture, 'raw/002.dng')}: raw/002.dng has the planes mono"
+    )
 
 
 def test_a_region_beside_the_picture(capture):
@@ -260,6 +278,7 @@ def test_a_dark_of_another_size(capture):
 
 DYING = """
 import os
+from reflectance_fit.capture.reduce import reduce_frame
 def on_seven(frame, bins):
     if frame.cfa[0, 0] == 7:
         os._exit(3)
@@ -311,6 +330,7 @@ def test_a_frame_whose_flat_is_lost_is_not_mixed_with_those_that_have_theirs(cap
     flat = next(f for f in frames if f["role"] == "flat")
     shutil.copy(capture.parent / flat["file"], capture.parent / "raw/own.dng")
     mark(capture.parent / "raw/own.dng")
+    flat.pop("sha256")
     change(capture, frames=[*frames, flat | {"file": "raw/own.dng", "analyzer_deg": 45}])
     monkeypatch.setattr(module, "reduce_frame", dying.on_seven)
     ingested = read(capture)
@@ -337,7 +357,10 @@ def overexposed(capture, colours):
         for i, colour in enumerate("RGGB"):
             if colour in colours:
                 cfa[i // 2 :: 2, i % 2 :: 2] = 15871
-        metadata = DngMetadata("RGGB", 14, (512, 515, 509, 511), 15871, Fraction(1, 1000), 100, ((3e-5, 1e-8),))
+        cfa[0, 0] = 4000  # a picture of one value is refused
+        metadata = DngMetadata(
+            "RGGB", 14, (512, 515, 509, 511), 15871, Fraction(1, 1000), 100, ((3e-5, 1e-8),)
+        )
         write_dng(capture.parent / f"raw/{number:03d}.dng", cfa, metadata)
     edit(capture, 0)
 

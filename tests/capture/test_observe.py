@@ -39,6 +39,7 @@ frames:
   - {file: c.dng, analyzer_deg: 120}
 """
 BALL = SphereBins(31.3, 24.2, 20.0, 0.0, tuple(np.radians([8.0, 30.0, 50.0, 76.0])), 6)
+ALL = Region()
 SENSOR = Sensor(width=64, height=48, prnu=0.0, dsnu_dn=0.0)
 
 
@@ -49,7 +50,7 @@ def capture_of(folder, text):
     return read_capture(folder / "capture.yaml")
 
 
-def means_of(cfa, bins=Region(), sensor=SENSOR, *, mono=False, profile=None):
+def means_of(cfa, bins=ALL, sensor=SENSOR, *, mono=False, profile=None):
     names = np.full((2, 2), "mono") if mono else np.array(list(sensor.pattern)).reshape(2, 2)
     black, white = np.array(sensor.black, dtype=float), float(sensor.white)
     if np.ndim(cfa) == 0:
@@ -84,7 +85,9 @@ def test_darks_exposure_and_sigma_by_their_formulas(tmp_path):
 
 def test_without_darks_the_black_level_counts_and_a_signal_may_be_negative(tmp_path):
     capture = capture_of(tmp_path, FLAT)
-    found = calibrate(capture, capture.frames[0], Exposure(1.0, 100), Region(), means_of(above_black(-3)), [], [])
+    found = calibrate(
+        capture, capture.frames[0], Exposure(1.0, 100), Region(), means_of(above_black(-3)), [], []
+    )
     assert found.channels["R"].value == pytest.approx([-3.0])
     assert found.channels["R"].variance == pytest.approx([(9 / 4 + 1 / 12) / 768])
 
@@ -111,7 +114,7 @@ def test_noise_of_the_file_of_the_flats_and_of_none(tmp_path):
 
     slope, floor = SENSOR.noise_profile
     span = 15871 - 512
-    of_file = variance(means_of(lit, profile={name: (slope, floor) for name in "RGB"}))
+    of_file = variance(means_of(lit, profile=dict.fromkeys("RGB", (slope, floor))))
     assert of_file == pytest.approx((slope * span * 1000 + floor * span**2) / 768)
     assert math.isnan(variance(means_of(lit)))
     # From how pixels scatter in a flat and a dark.
@@ -119,12 +122,16 @@ def test_noise_of_the_file_of_the_flats_and_of_none(tmp_path):
     sensor = replace(SENSOR, vignetting=0.0)
     pixels = fixed_pattern(sensor, generator)
     white, black = (
-        means_of(expose(np.full((1, 1), level, dtype=np.float32), Fraction(1, 2000), sensor, pixels, generator))
+        means_of(
+            expose(np.full((1, 1), level, dtype=np.float32), Fraction(1, 2000), sensor, pixels, generator)
+        )
         for level in (0.9, 0.0)
     )
     level = white.scatter["R"][0]
-    expected = variance(means_of(lit, profile={name: (slope, floor) for name in "RGB"}), [black])
-    assert variance(means_of(lit), [black], [(white, 1.0, [])]) * level**2 == pytest.approx(expected, rel=0.25)
+    expected = variance(means_of(lit, profile=dict.fromkeys("RGB", (slope, floor))), [black])
+    assert variance(means_of(lit), [black], [(white, 1.0, [])]) * level**2 == pytest.approx(
+        expected, rel=0.25
+    )
 
 
 def test_a_bin_is_saturated_from_one_pixel_in_a_thousand(tmp_path):
@@ -244,7 +251,9 @@ def within_5_sigma_of_1(z):
 @pytest.mark.parametrize("stated", [False, True])
 @pytest.mark.parametrize("radiance", [0.0, 0.01, 0.8])
 def test_sigma_of_repeated_frames_of_a_flat_sample(tmp_path, radiance, stated):
-    capture = capture_of(tmp_path, FLAT.replace("{R: 2, G: 4, B: 5}", "2.2").replace("{R: 3, G: 8, B: 0}", "3"))
+    capture = capture_of(
+        tmp_path, FLAT.replace("{R: 2, G: 4, B: 5}", "2.2").replace("{R: 3, G: 8, B: 0}", "3")
+    )
     capture = capture if stated else replace(capture, noise=None)
     sensor = replace(SENSOR, prnu=0.01, dsnu_dn=2.0)
     generator = np.random.default_rng(11)
@@ -295,7 +304,10 @@ def test_sigma_of_a_sphere_seen_by_one_camera_after_another(tmp_path, prnu, flat
 def test_a_mono_sensor_gives_its_one_channel_all_pixels(tmp_path):
     text = FLAT.replace("sensor: bayer", "sensor: mono")
     for old, new in (
-        ("{R: {wavelength_nm: 600}, G: {wavelength_nm: 550}, B: {wavelength_nm: 450}}", "{G: {wavelength_nm: 550}}"),
+        (
+            "{R: {wavelength_nm: 600}, G: {wavelength_nm: 550}, B: {wavelength_nm: 450}}",
+            "{G: {wavelength_nm: 550}}",
+        ),
         ("{R: 2, G: 4, B: 5}", "4"),
         ("{R: 3, G: 8, B: 0}", "8"),
         ("{R: 0.9, G: 0.95, B: 1}", "0.95"),
@@ -305,7 +317,9 @@ def test_a_mono_sensor_gives_its_one_channel_all_pixels(tmp_path):
         text = text.replace(old, new)
     capture = capture_of(tmp_path, text)
     means = means_of(above_black(1000), mono=True)
-    rows = flat_rows(capture, [calibrate(capture, capture.frames[0], Exposure(0.5, 100), Region(), means, [], [])])
+    rows = flat_rows(
+        capture, [calibrate(capture, capture.frames[0], Exposure(0.5, 100), Region(), means, [], [])]
+    )
     assert rows.channel.tolist() == ["G"]
     assert rows.pixels.tolist() == [64 * 48]
     assert rows.value.tolist() == pytest.approx([2000.0])

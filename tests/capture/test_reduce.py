@@ -100,6 +100,7 @@ def sphere_bin(bins):
         ((21.7, 20.1), 15.4, 117.0),
         ((2.2, 35.4), 20.3, -30.0),  # beyond the edges
         ((-60.0, -80.0), 20.0, 0.0),  # all outside
+        ((900.0, 900.0), 20.0, 0.0),
         ((24.3, 18.6), 300.0, 90.0),  # larger than the picture
     ],
 )
@@ -111,7 +112,9 @@ def test_spheres(pattern, centre, radius, analyzer_deg):
     for name, plane in means.items():
         for number in range((len(EDGES) - 1) * SECTORS):
             row = expected.get((name, number), np.zeros(7))
-            found = [getattr(plane, n)[number] for n in ("mean", "theta", "theta_squared", "cos_2phi", "sin_2phi")]
+            found = [
+                getattr(plane, n)[number] for n in ("mean", "theta", "theta_squared", "cos_2phi", "sin_2phi")
+            ]
             assert plane.pixels[number] == row[0]
             assert plane.saturated[number] == row[1]
             if row[0]:

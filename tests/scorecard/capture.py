@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import tempfile
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import get_args
+from typing import TypeVar, get_args
 
 import numpy as np
 import rawpy
@@ -19,8 +20,10 @@ from card import Figure
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from reflectance_fit.capture.ingest import ingest
+from reflectance_fit.capture import ingest as ingestion
+from reflectance_fit.capture.raw import decode
 from reflectance_fit.capture.read import read_capture
+from reflectance_fit.capture.workers import Job
 from reflectance_fit.data_synthetic.capture import write_capture
 from reflectance_fit.data_synthetic.dng import DngMetadata, write_dng
 from reflectance_fit.data_synthetic.sensor import Pattern
@@ -33,11 +36,12 @@ from reflectance_fit.observations import Flag
 from reflectance_fit.physics.brewster import brewster_angle
 
 FloatArray = NDArray[np.float64]
+T = TypeVar("T")
 
 PROCESSES = 2
 FIT_SENSOR, FLAT_SENSOR = (400, 300), (100, 76)  # pixels, width and height
 # Sampling for a 95 % interval over many fits, not for one that is published alone.
-MIN_ESS, BLOCK = 1000.0, 75
+MIN_ESS, BLOCK, WALKERS = 1000.0, 75, 32
 # Repeats of (flat, sphere) captures: with them a variance is known to 2 % or better.
 REPEATS = {"flat": 20, "sphere": 30}
 QUANTITIES = ("eta", "k", "brewster_deg")
@@ -83,7 +87,8 @@ def about(*, full: bool) -> str:
         f"Residuals: {REPEATS['flat']} captures of a flat sample (120 frames, pixels all alike, no flat frame) and "
         f"{REPEATS['sphere']} of a sphere (standard camera), seeds from 0, N-BK7, every row of every channel. "
         f"Fits: {_seeds(full)} captures of each kind, seeds 0 to {_seeds(full) - 1}, {width} x {height} pixels, "
-        f"channel {CHANNEL}, model given, effective sample size of at least {MIN_ESS:.0f}."
+        f"channel {CHANNEL}, model given, effective sample size of at least {MIN_ESS:.0f}. "
+        "Photographs are decoded as always but in the process that fits."
     )
 
 
@@ -100,7 +105,19 @@ def _seeds(full: bool) -> int:
 
 
 def _start() -> None:
-    posterior.MIN_ESS, posterior.BLOCK = MIN_ESS, BLOCK
+    posterior.MIN_ESS, posterior.BLOCK, posterior.WALKERS = MIN_ESS, BLOCK, WALKERS
+    vars(ingestion)["RawWorkers"] = _Here
+
+
+class _Here(contextlib.AbstractContextManager["_Here"]):
+    """In place of RawWorkers: the same decoding in this process, because these files are our own."""
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def map(self, jobs: Iterable[Job[T]]) -> Iterator[T]:
+        for path, reduce, arguments in jobs:
+            yield reduce(decode(path), *arguments)
 
 
 def _round_trips() -> Iterator[Figure]:
@@ -155,6 +172,9 @@ def _repeat_spec(shape: str, seed: int, *, noise: bool) -> CaptureSpec:
         spec = _sized(standard_spec("N-BK7", shape="sphere"), FIT_SENSOR)
     if shape == "flat" or not noise:
         spec = replace(spec, sensor=replace(spec.sensor, prnu=0.0, dsnu_dn=0.0))
+    if not noise:
+        # A dark of equal pixels would be rounded as a whole; without background there is nothing to round.
+        spec = replace(spec, sensor=replace(spec.sensor, background_e_per_s=0.0))
     return replace(spec, seed=seed, noise=noise)
 
 
@@ -164,7 +184,7 @@ def _sized(spec: CaptureSpec, size: tuple[int, int]) -> CaptureSpec:
 
 def _measured(spec: CaptureSpec) -> Measurement:
     with tempfile.TemporaryDirectory() as folder:
-        return ingest(read_capture(write_capture(Path(folder) / "capture", spec))).measurement
+        return ingestion.ingest(read_capture(write_capture(Path(folder) / "capture", spec))).measurement
 
 
 def _signals(spec: CaptureSpec) -> tuple[FloatArray, FloatArray]:
