@@ -19,6 +19,7 @@ from reflectance_fit.capture.frames import (
 )
 from reflectance_fit.capture.read import read_capture
 from reflectance_fit.capture.truth import TrueChannel, Truth, read_truth, write_truth
+from reflectance_fit.data_synthetic.tables import write_example
 from reflectance_fit.errors import ReflectanceFitError
 from reflectance_fit.priors import ETA_PRIOR, K_PRIOR, Prior
 
@@ -279,9 +280,9 @@ def test_truth_round_trip(tmp_path):
     )
 
 
-def test_truth_of_a_table_has_no_frames():
-    path = Path(__file__).parents[2] / "data_synthetic" / "example" / "Au" / "truth.yaml"
-    assert read_truth(path).frames is None
+def test_truth_of_a_table_has_no_frames(tmp_path):
+    write_example(tmp_path, "Au")
+    assert read_truth(tmp_path / "truth.yaml").frames is None
 
 
 def test_a_truth_that_is_none(tmp_path):
