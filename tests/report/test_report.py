@@ -14,6 +14,7 @@ from reflectance_fit import workflow
 from reflectance_fit.data_synthetic.tables import write_example
 from reflectance_fit.errors import ReflectanceFitError
 from reflectance_fit.inference import posterior
+from reflectance_fit.measured import Note
 from reflectance_fit.physics.fresnel import r0
 from reflectance_fit.report.build import build_report
 from reflectance_fit.report.read import material_of, read_report
@@ -144,7 +145,7 @@ def test_numbers_are_short(data):
 
     found = list(numbers(data))
     assert len(found) > 80
-    assert [x for x in found if float(f"{x:.7g}") != x] == []
+    assert [x for x in found if float(f"{x:.9g}") != x] == []
 
 
 def test_the_text_is_what_the_schema_says(data, result):
@@ -375,7 +376,7 @@ def codes(report) -> list[str]:
 
 
 def test_notes_of_the_reader_become_warnings(result):
-    report = rebuilt(result, notes=["3 rows of t.dat were left out"])
+    report = rebuilt(result, notes=[Note("ROWS_IGNORED", "3 rows of t.dat were left out")])
     assert report.warnings[0].model_dump() == {
         "code": "ROWS_IGNORED",
         "channel": None,
@@ -432,8 +433,10 @@ def test_a_channel_without_a_usable_row(source, tmp_path):
     path.write_text(
         MANIFEST.replace("    wavelength_nm: 550\n", "    wavelength_nm: 550\n    saturation: 0.001\n")
     )
-    with pytest.raises(ReflectanceFitError, match="no usable row for 550 nm"):
-        workflow.fit(path)
+    report = workflow.fit(path).report
+    assert "550 nm" not in [channel.channel for channel in report.channels]
+    (note,) = [w.message for w in report.warnings if w.code == "SATURATED"]
+    assert note.startswith("550 nm is left out")
 
 
 def test_channels_of_unequal_length_share_one_file(result, tmp_path):
