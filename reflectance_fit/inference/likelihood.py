@@ -15,7 +15,7 @@ Integrating over them with the prior 1/g leaves
     log L = -1/2 (chi2 + log det S + log det N) + sum_j log E[1/g_j] + const,
 
 E[1/g] = (1 + u^2 + 3 u^4 + 15 u^6) / G with u the gain's relative standard
-deviation: the asymptotic series, to 0.3 % at u = 0.2.  v needs g, hence a
+deviation: the asymptotic series, to 0.05 % at u = 0.2.  v needs g, hence a
 short fixed-point iteration; its error is second order in sigma_theta.
 """
 
