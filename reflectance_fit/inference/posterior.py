@@ -1,4 +1,4 @@
-"""The posterior by emcee: four independent ensembles, judged by nested R-hat.  emcee's only home.
+"""The posterior by emcee: four independent ensembles, judged by nested R-hat.
 
 One ensemble cannot certify itself: walkers trapped in one mode agree with one
 another.  Four that start apart can, and nested R-hat (Margossian et al. 2024,
@@ -14,6 +14,7 @@ import emcee
 import numpy as np
 from numpy.typing import NDArray
 
+from reflectance_fit.inference.ensembles import SeparateEnsembles
 from reflectance_fit.inference.likelihood import log_likelihoods
 from reflectance_fit.inference.models import Model
 from reflectance_fit.inference.rows import Rows
@@ -48,7 +49,7 @@ def sample(
 
     ``candidates``, shape (M, P), are coordinates among which the first walkers
     are chosen by their density: they should cover every basin and the prior.
-    ``seed`` starts every ensemble's own stream.  ``min_ess`` is the effective
+    ``seed`` starts the stream.  ``min_ess`` is the effective
     sample size asked of every parameter.  ``progress`` is called with
     (steps done, steps at most).
     """
@@ -63,52 +64,50 @@ def sample(
         return out
 
     density = log_density(candidates)
-    samplers, states = [], []
-    for ensemble in range(ENSEMBLES):
-        bits = np.random.MT19937(np.random.SeedSequence([*seed, ensemble]))
-        first = _first_walkers(candidates, density, walkers, np.random.Generator(bits))
-        samplers.append(
-            emcee.EnsembleSampler(walkers, dimensions, log_density, vectorize=True, moves=_moves())
-        )
-        states.append(emcee.State(first, random_state=np.random.RandomState(bits).get_state()))
+    bits = np.random.MT19937(np.random.SeedSequence(seed))
+    generator = np.random.Generator(bits)
+    first = [_first_walkers(candidates, density, walkers, generator) for _ in range(ENSEMBLES)]
+    sampler = emcee.EnsembleSampler(
+        ENSEMBLES * walkers, dimensions, log_density, vectorize=True, moves=_moves()
+    )
+    state = emcee.State(np.concatenate(first), random_state=np.random.RandomState(bits).get_state())
 
     steps, burn_in = 0, 0
     while True:
         # The first block is burnt, so it comes with a second.
         block = BLOCK if steps else 2 * BLOCK
-        for ensemble, sampler in enumerate(samplers):
-            states[ensemble] = sampler.run_mcmc(states[ensemble], block, progress=False)
+        state = sampler.run_mcmc(state, block, progress=False)
         steps += block
         if progress:
             progress(steps, MAX_STEPS)
         burn_in = max(steps // 3, BLOCK)
-        # (ensemble, walker, step, parameter) without burn-in
-        chains = np.stack([s.get_chain(discard=burn_in).transpose(1, 0, 2) for s in samplers])
+        # (walker, step, parameter) without burn-in; the walkers of an ensemble follow one another.
+        chains = sampler.get_chain(discard=burn_in).transpose(1, 0, 2)
         ess, rhat = _diagnose(model, chains)
-        # Every fourth walker: the estimate averages over walkers, and the transforms take time.
-        whole = np.concatenate([s.get_chain()[:, ::4] for s in samplers], axis=1)
+        # Every eighth walker: the estimate averages over walkers, and the transforms take time.
+        whole = sampler.get_chain()[:, ::8]
         long_enough = steps >= STEPS_PER_TAU * _tau(whole)
         converged = long_enough and min(ess.values()) >= min_ess and max(rhat.values()) <= MAX_RHAT
         if converged or steps >= MAX_STEPS:
             break
 
-    kept = np.linspace(0, chains.shape[2] - 1, min(KEPT_DRAWS, chains.shape[2])).round().astype(int)
-    thinned = chains[:, :, kept].reshape(ENSEMBLES * walkers, len(kept), dimensions)
+    kept = np.linspace(0, chains.shape[1] - 1, min(KEPT_DRAWS, chains.shape[1])).round().astype(int)
+    thinned = chains[:, kept]
     samples = model.in_report_units(thinned)
     samples.setdefault("k", np.zeros(thinned.shape[:2]))
-    density = np.stack([s.get_log_prob(discard=burn_in).T for s in samplers])[:, :, kept]
     tau_steps, tau = _tau_curve(whole)
-    mean_walker = np.stack([s.get_chain().mean(axis=1) for s in samplers])
+    # (ensemble, step, parameter)
+    mean_walker = np.stack(np.split(sampler.get_chain(), ENSEMBLES, axis=1)).mean(axis=2)
     return Posterior(
         model=model.name,
         method="emcee",
         names=model.names,
         samples=samples,
-        log_density=density.reshape(thinned.shape[:2]),
+        log_density=sampler.get_log_prob(discard=burn_in).T[:, kept],
         ensemble=np.repeat(np.arange(ENSEMBLES), walkers),
         steps=steps,
         burn_in=burn_in,
-        acceptance=float(np.mean([s.acceptance_fraction.mean() for s in samplers])),
+        acceptance=float(sampler.acceptance_fraction.mean()),
         ess=ess,
         rhat_nested=rhat,
         converged=converged,
@@ -124,7 +123,7 @@ def _moves() -> list[tuple[emcee.moves.Move, float]]:
     Of the mixes with stretch and snooker moves tried on tables of 4 to 76
     rows, the most independent draws a second.
     """
-    return [(emcee.moves.DEMove(), 0.9), (emcee.moves.DEMove(gamma0=1.0), 0.1)]
+    return [(SeparateEnsembles(ENSEMBLES), 0.9), (SeparateEnsembles(ENSEMBLES, gamma=1.0), 0.1)]
 
 
 def _first_walkers(
@@ -148,14 +147,13 @@ def _first_walkers(
 
 
 def _diagnose(model: Model, chains: FloatArray) -> tuple[dict[str, float], dict[str, float]]:
-    """Bulk ESS and nested R-hat of every parameter, from (ensemble, walker, step, parameter)."""
+    """Bulk ESS and nested R-hat of every parameter, from (walker, step, parameter)."""
     from arviz_stats.base import array_stats
 
-    ensembles, walkers, draws, _ = chains.shape
-    ids = np.repeat(np.arange(ensembles), walkers)
+    ids = np.repeat(np.arange(ENSEMBLES), len(chains) // ENSEMBLES)
     ess, rhat = {}, {}
     for j, name in enumerate(model.names):
-        parameter = chains[..., j].reshape(ensembles * walkers, draws)
+        parameter = chains[..., j]
         ess[name] = float(array_stats.ess(parameter, chain_axis=0, draw_axis=1))
         rhat[name] = float(array_stats.rhat_nested(parameter, superchain_ids=ids, chain_axis=0, draw_axis=1))
     return ess, rhat

@@ -82,10 +82,10 @@ def test_equal_seeds_give_equal_draws(absorber, drawn):
 def test_trapped_ensembles_do_not_pass(absorber):
     """Four ensembles in two modes agree within themselves; only nested R-hat sees it."""
     model, *_ = absorber
-    chains = np.random.default_rng(1).standard_normal((4, 32, 400, 2))
+    chains = np.random.default_rng(1).standard_normal((4 * 32, 400, 2))
     ess, rhat = posterior._diagnose(model, chains)
     assert max(rhat.values()) < posterior.MAX_RHAT
     assert min(ess.values()) > 0.5 * 4 * 32 * 400
-    chains[:2] += 4.0
+    chains[: 2 * 32] += 4.0
     _, trapped = posterior._diagnose(model, chains)
     assert min(trapped.values()) > 1.5

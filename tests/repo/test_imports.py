@@ -31,7 +31,7 @@ SIBLINGS = LAYERS[3]
 
 HOMES = {
     "nlopt": "reflectance_fit.inference.optimize",
-    "emcee": "reflectance_fit.inference.posterior",
+    "emcee": ("reflectance_fit.inference.posterior", "reflectance_fit.inference.ensembles"),
     "arviz_stats": "reflectance_fit.inference",
     "matplotlib": "reflectance_fit.plot",
     "corner": "reflectance_fit.plot",
