@@ -10,6 +10,7 @@ are the same in every frame; shot and read noise are fresh in each.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Literal
@@ -32,7 +33,9 @@ EXPOSURES_S = (
 # Of the range to the clip point: a stop below it holds 40 %, and PRNU and shot noise never reach it.
 _TARGET = 0.8
 # Electrons above which shot noise is drawn as normal.
-BRIGHT_E = 100.0
+BRIGHT_E = 50.0
+_RARE = 1.0  # events a pixel
+_FAR = 10.0  # standard deviations that no pixel strays
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,30 +159,48 @@ def expose(
         The colour filter array, DN.
     """
     electrons = (radiance * pixels.response + pixels.background) * np.float32(exposure_s)
-    if generator is not None:
-        electrons = _shot(electrons, generator)
-    electrons = np.minimum(electrons, np.float32(sensor.full_well_e))
-    if generator is not None and sensor.read_noise_e > 0:
-        electrons += np.float32(sensor.read_noise_e) * generator.standard_normal(
-            electrons.shape, dtype=np.float32
-        )
+    if generator is None:
+        electrons = np.minimum(electrons, np.float32(sensor.full_well_e))
+    else:
+        electrons = _read_out(electrons, sensor, generator)
     dn = electrons / np.float32(sensor.gain_e_per_dn) + pixels.offset
     dn = np.rint(np.clip(dn, 0, sensor.white))
     return np.asarray(dn, dtype=np.uint16)
 
 
-def _shot(electrons: FloatArray, generator: np.random.Generator) -> FloatArray:
-    """Counts of mean ``electrons``: Poisson below BRIGHT_E, above it normal of the same mean and variance.
+def _read_out(electrons: FloatArray, sensor: Sensor, generator: np.random.Generator) -> FloatArray:
+    """Charge of mean ``electrons`` as it is read: shot noise, full well, read noise.
 
-    What the normal lacks is the skewness, below 0.1 there; it is drawn six
-    times as fast.
+    Shot noise is Poisson below BRIGHT_E, above it normal of the same mean and
+    variance; what the normal lacks is the skewness, below 0.15 there.  Where the
+    well cannot fill, shot and read noise are one normal of their summed variance.
     """
-    counts = generator.standard_normal(electrons.shape, dtype=np.float32)
-    counts *= np.sqrt(electrons)
-    counts += electrons
+    noise = generator.standard_normal(electrons.shape, dtype=np.float32)
+    read, well = np.float32(sensor.read_noise_e), np.float32(sensor.full_well_e)
+    charge = electrons + noise * np.sqrt(electrons + read**2)
     dim = electrons < BRIGHT_E
-    counts[dim] = generator.poisson(electrons[dim])
-    return counts
+    if dim.any():
+        charge[dim] = _poisson(electrons[dim], generator) + read * noise[dim]
+    filling = electrons > well - _FAR * math.sqrt(well)
+    if filling.any():
+        mean = electrons[filling]
+        shot = mean + np.sqrt(mean) * generator.standard_normal(mean.shape, dtype=np.float32)
+        charge[filling] = np.minimum(shot, well) + read * noise[filling]
+    return charge
+
+
+def _poisson(mean: FloatArray, generator: np.random.Generator) -> FloatArray:
+    """Poisson counts, shape (N,), N > 0.
+
+    Rare events, as in a dark frame, are drawn one by one over all pixels and
+    thinned to each pixel's mean: the same law, in time that goes with the events.
+    """
+    most = float(mean.max())
+    if most > _RARE:
+        return generator.poisson(mean).astype(np.float32)
+    events = generator.integers(mean.size, size=generator.poisson(most * mean.size))
+    kept = events[most * generator.random(events.size, dtype=np.float32) < mean[events]]
+    return np.bincount(kept, minlength=mean.size).astype(np.float32)
 
 
 def auto_exposure(
