@@ -177,7 +177,7 @@ def _read_out(electrons: FloatArray, sensor: Sensor, generator: np.random.Genera
     """
     noise = generator.standard_normal(electrons.shape, dtype=np.float32)
     read, well = np.float32(sensor.read_noise_e), np.float32(sensor.full_well_e)
-    charge = electrons + noise * np.sqrt(electrons + read**2)
+    charge: FloatArray = electrons + noise * np.sqrt(electrons + read**2)
     dim = electrons < BRIGHT_E
     if dim.any():
         charge[dim] = _poisson(electrons[dim], generator) + read * noise[dim]

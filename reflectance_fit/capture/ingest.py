@@ -49,7 +49,7 @@ def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
     hashes = check_hashes(capture)
     settings = read_settings(capture)
     jobs = _jobs(capture, settings)
-    means, errors = _decode(jobs, progress)
+    means, errors = _decode(jobs, frozenset(flat.path for flat in capture.role("flat")), progress)
     rejected = {frame.file: errors[frame.path] for frame in capture.frames if frame.path in errors}
     _check_planes(capture, means)
     _check_sizes(capture, settings, means)
@@ -99,13 +99,13 @@ def _jobs(capture: Capture, settings: Mapping[Path, Exposure]) -> dict[Path, tup
 
 
 def _decode(
-    jobs: Mapping[Path, tuple[Bins, ...]], progress: Progress | None
+    jobs: Mapping[Path, tuple[Bins, ...]], flats: frozenset[Path], progress: Progress | None
 ) -> tuple[dict[Path, FrameMeans], dict[Path, str]]:
     """Each file's means, and why the others have none."""
     means: dict[Path, FrameMeans] = {}
     errors: dict[Path, str] = {}
     with RawWorkers() as workers:
-        answers = workers.map((path, reduce_frame, (bins,)) for path, bins in jobs.items())
+        answers = workers.map((path, reduce_frame, (bins, path in flats)) for path, bins in jobs.items())
         for done, (path, answer) in enumerate(zip(jobs, answers, strict=True), 1):
             if isinstance(answer, FrameError):
                 errors[path] = answer.reason

@@ -89,7 +89,9 @@ def calibrate(
         value, variance = value / seconds, variance / seconds**2
         # On a sphere each bin has its own pixels, so what they differ by does not go into a gain.
         unlike = (TYPICAL_PRNU * value) ** 2 / np.maximum(own.pixels, 1)
+        angles = [own]
         if flats:
+            angles = [flat[0].over(bins)[plane] for flat in flats]
             levels, noises = zip(*(_flat(flat, bins, plane, noise) for flat in flats), strict=True)
             level = np.mean(levels, axis=0)
             value, variance = value / level, variance / level**2
@@ -101,10 +103,10 @@ def calibrate(
             variance=variance,
             pixels=own.pixels,
             saturated=own.saturated > SATURATED_SHARE * own.pixels,
-            theta=own.theta,
-            theta_squared=own.theta_squared,
-            cos_2phi=own.cos_2phi,
-            sin_2phi=own.sin_2phi,
+            theta=np.mean([a.theta for a in angles], axis=0),
+            theta_squared=np.mean([a.theta_squared for a in angles], axis=0),
+            cos_2phi=np.mean([a.cos_2phi for a in angles], axis=0),
+            sin_2phi=np.mean([a.sin_2phi for a in angles], axis=0),
         )
     return Calibrated(frame, exposure, channels)
 

@@ -21,6 +21,8 @@ from reflectance_fit.errors import Problem, ReflectanceFitError
 
 # The first without the memory errors published in 2026 (CVE-2026-21413 and others).
 _OLDEST_LIBRAW = (0, 22, 2)
+# LibRaw's white level is nominal; real sensors clip a little below it.
+CLIP_SHARE = 0.98
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,6 +55,11 @@ class RawFrame:
     iso: float | None
     noise_profile: dict[str, tuple[float, float]] | None
 
+    @property
+    def clip(self) -> NDArray[np.float64]:
+        """DN from which a pixel counts as clipped, of each pixel of the cell, shape (2, 2)."""
+        return self.black + CLIP_SHARE * (self.white - self.black)
+
 
 def decode(path: Path) -> RawFrame:
     """Read one frame in this process.
@@ -73,7 +80,8 @@ def decode(path: Path) -> RawFrame:
                 path, "holds several colours a pixel, so it was demosaiced or scanned; use full raw"
             )
         frame = _frame(raw, tags, path)
-    if frame.cfa.min() == frame.cfa.max():
+    # A hopelessly overexposed frame is alike everywhere too, and counts as saturated.
+    if frame.cfa.min() == frame.cfa.max() < frame.clip.max():
         raise _refused(
             path, f"every pixel is {frame.cfa.max()}: there is no picture; copy it from the camera again"
         )

@@ -17,9 +17,6 @@ from reflectance_fit.capture.raw import RawFrame
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-# LibRaw's white level is nominal; real sensors clip a little below it.
-CLIP_SHARE = 0.98
-
 
 @dataclass(frozen=True, slots=True)
 class Region:
@@ -59,8 +56,8 @@ class PlaneMeans:
 
     ``saturated`` counts clipped pixels, which ``mean`` includes.  ``theta``
     (radians), its square, ``cos_2phi`` and ``sin_2phi`` are means over the
-    pixels, phi the analyzer's angle from s; NaN for a Region.  Empty bins have
-    NaN means.
+    pixels, of a flat weighted by its signal; phi is the analyzer's angle from
+    s.  They are NaN for a Region.  Empty bins have NaN means.
     """
 
     pixels: IntArray
@@ -92,15 +89,19 @@ class FrameMeans:
         return self.planes[self.bins.index(bins)]
 
 
-def reduce_frame(frame: RawFrame, bins: tuple[Bins, ...]) -> FrameMeans:
-    """Average ``frame`` over each of ``bins``."""
+def reduce_frame(frame: RawFrame, bins: tuple[Bins, ...], is_flat: bool = False) -> FrameMeans:
+    """Average ``frame`` over each of ``bins``.
+
+    A sample's mean over its flat's is the mean reflectance of a bin weighted by
+    the flat, so it belongs to angles weighted alike: those of the flat.
+    """
     names = sorted({str(name) for name in frame.pattern.flat})
     noise = None
     if frame.noise_profile is not None:
         # The profile speaks of (DN - black) / (white - black).
         span = {name: frame.white - float(frame.black[frame.pattern == name].mean()) for name in names}
         noise = {name: (s * span[name], o * span[name] ** 2) for name, (s, o) in frame.noise_profile.items()}
-    planes = tuple({name: _plane(frame, name, which) for name in names} for which in bins)
+    planes = tuple({name: _plane(frame, name, which, is_flat) for name in names} for which in bins)
     return FrameMeans(bins, planes, noise, {name: _scatter(frame, name) for name in names})
 
 
@@ -114,28 +115,31 @@ def _scatter(frame: RawFrame, name: str) -> tuple[float, float]:
     return float(dn.mean() - frame.black[y, x]), float(0.5 * np.mean(np.diff(dn, axis=1) ** 2))
 
 
-def _plane(frame: RawFrame, name: str, bins: Bins) -> PlaneMeans:
-    parts = [_site(frame, y, x, bins) for y in (0, 1) for x in (0, 1) if frame.pattern[y, x] == name]
+def _plane(frame: RawFrame, name: str, bins: Bins, is_flat: bool) -> PlaneMeans:
+    parts = [_site(frame, y, x, bins, is_flat) for y in (0, 1) for x in (0, 1) if frame.pattern[y, x] == name]
     pixels = np.sum([p.pixels for p in parts], axis=0)
 
-    def pooled(field: str) -> FloatArray:
-        total = np.sum([np.nan_to_num(getattr(p, field)) * p.pixels for p in parts], axis=0)
-        return np.asarray(np.where(pixels > 0, total / np.maximum(pixels, 1), np.nan))
+    def pooled(field: str, weights: list[FloatArray]) -> FloatArray:
+        total = np.sum([np.nan_to_num(getattr(p, field)) * w for p, w in zip(parts, weights, strict=True)], 0)
+        weight = np.sum(weights, axis=0)
+        return np.asarray(np.where(weight > 0, total / np.where(weight > 0, weight, 1), np.nan))
 
+    counts = [p.pixels.astype(np.float64) for p in parts]
+    levels = [np.nan_to_num(p.mean) * p.pixels for p in parts] if is_flat else counts
     angles = ("theta", "theta_squared", "cos_2phi", "sin_2phi")
     known = isinstance(bins, SphereBins)
     return PlaneMeans(
         pixels=pixels,
         saturated=np.sum([p.saturated for p in parts], axis=0),
-        mean=pooled("mean"),
-        **{a: pooled(a) if known else np.full(len(pixels), np.nan) for a in angles},
+        mean=pooled("mean", counts),
+        **{a: pooled(a, levels) if known else np.full(len(pixels), np.nan) for a in angles},
     )
 
 
-def _site(frame: RawFrame, y: int, x: int, bins: Bins) -> PlaneMeans:
+def _site(frame: RawFrame, y: int, x: int, bins: Bins, is_flat: bool) -> PlaneMeans:
     """One of the four positions of the filter pattern: every second pixel of every second row."""
     black = float(frame.black[y, x])
-    clip = black + CLIP_SHARE * (frame.white - black)
+    clip = frame.clip[y, x]
     if isinstance(bins, Region):
         rows = slice(bins.y0 + (y - bins.y0) % 2, bins.y1, 2)
         columns = slice(bins.x0 + (x - bins.x0) % 2, bins.x1, 2)
@@ -171,15 +175,18 @@ def _site(frame: RawFrame, y: int, x: int, bins: Bins) -> PlaneMeans:
     bin_of = ring * bins.sectors + sector
     count = (len(bins.edges) - 1) * bins.sectors
     pixels = np.bincount(bin_of, minlength=count)
+    signal = dn - black
+    level = np.bincount(bin_of, weights=signal, minlength=count)
 
     def mean(values: FloatArray) -> FloatArray:
-        total = np.bincount(bin_of, weights=values, minlength=count)
-        return np.asarray(np.where(pixels > 0, total / np.maximum(pixels, 1), np.nan))
+        weights, weight = (signal * values, level) if is_flat else (values, pixels)
+        total = np.bincount(bin_of, weights=weights, minlength=count)
+        return np.asarray(np.where(weight > 0, total / np.where(weight > 0, weight, 1), np.nan))
 
     return PlaneMeans(
         pixels=pixels,
         saturated=np.bincount(bin_of, weights=dn >= clip, minlength=count).astype(np.int64),
-        mean=mean(dn.astype(np.float64)) - black,
+        mean=np.where(pixels > 0, level / np.maximum(pixels, 1), np.nan),
         theta=mean(theta),
         theta_squared=mean(theta**2),
         cos_2phi=mean(np.cos(2 * phi)),

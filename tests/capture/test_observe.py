@@ -50,14 +50,14 @@ def capture_of(folder, text):
     return read_capture(folder / "capture.yaml")
 
 
-def means_of(cfa, bins=ALL, sensor=SENSOR, *, mono=False, profile=None):
+def means_of(cfa, bins=ALL, sensor=SENSOR, *, mono=False, profile=None, is_flat=False):
     names = np.full((2, 2), "mono") if mono else np.array(list(sensor.pattern)).reshape(2, 2)
     black, white = np.array(sensor.black, dtype=float), float(sensor.white)
     if np.ndim(cfa) == 0:
         cfa = np.full((sensor.height, sensor.width), cfa)
     if profile == "sensor":
         profile = dict.fromkeys(set(names.flat), sensor.noise_profile)
-    return reduce_frame(RawFrame(cfa, names, black, white, None, None, profile), (bins,))
+    return reduce_frame(RawFrame(cfa, names, black, white, None, None, profile), (bins,), is_flat)
 
 
 def above_black(dn):
@@ -211,6 +211,22 @@ def test_a_sphere_s_rows_are_exact_for_what_is_linear_in_cos_and_sin(tmp_path):
     # The three frames see a ring alike, so the middle of a ring is nearly that of its area.
     assert np.all(np.diff(rows.theta_deg.reshape(3, 6).mean(axis=1)) > 10)
     assert np.all(rows.theta_deg_spread > 2)
+
+
+def test_a_flat_weighs_the_angles_of_a_bin(tmp_path):
+    """Light that doubles across the picture: exact for what is linear in theta, in a bin of any width."""
+    capture = capture_of(tmp_path, SPHERE)
+    y, x = np.mgrid[:48, :64]
+    theta = np.arcsin(np.minimum(np.hypot(x - 31.3, y - 24.2) / 20, 1))
+    light = 4000 * (1 + x / 64)
+    black = np.tile(SENSOR.black, (24, 32))
+    flat = means_of(np.rint(light + black).astype(np.uint16), BALL, mono=True, is_flat=True)
+    seen = means_of(np.rint(light * (0.5 + theta) + black).astype(np.uint16), BALL, mono=True)
+    (found,) = calibrate(
+        capture, capture.frames[0], Exposure(1.0, 100), BALL, seen, [], [(flat, 1.0, [])]
+    ).channels.values()
+    # Rounding of a pixel, 0.3 DN of 4000, averages out over the 30 and more of a bin.
+    assert found.value == pytest.approx(0.5 + found.theta, rel=3e-5)
 
 
 def reduce_frame_pixels(_capture, analyzer_deg):
