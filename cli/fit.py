@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import click
 
@@ -19,11 +20,24 @@ from .options import out_folder_option, output_options, seed_option
     show_default=True,
     help="auto chooses by BIC whether k > 0 is needed.",
 )
+@click.option(
+    "--posterior",
+    type=click.Choice(["emcee", "importance", "laplace"]),
+    help="How to sample. Default: emcee, and importance above 16 channels; where its own test fails, emcee.",
+)
 @click.option("--no-plots", is_flag=True, help="Write no pictures.")
 @click.option("--no-timings", is_flag=True, help="Leave wall-clock figures out of report.yaml.")
 @seed_option
 @output_options
-def fit(source: Path, out: Path, model: str, no_plots: bool, no_timings: bool, seed: int) -> None:
+def fit(
+    source: Path,
+    out: Path,
+    model: str,
+    posterior: Literal["emcee", "importance", "laplace"] | None,
+    no_plots: bool,
+    no_timings: bool,
+    seed: int,
+) -> None:
     """Fit INPUT: eta, k and Brewster angle of every channel, with intervals.
 
     INPUT is a capture.yaml (photographs), a measurement.yaml (tables) or an
@@ -35,7 +49,7 @@ def fit(source: Path, out: Path, model: str, no_plots: bool, no_timings: bool, s
     \b
         reflectance-fit fit measurement.yaml -o result
         reflectance-fit fit capture.yaml -o result
-        reflectance-fit fit obs.nc -o result
+        reflectance-fit fit obs.nc -o result --posterior importance
     """
     from reflectance_fit.workflow import fit_to_folder
 
@@ -47,6 +61,7 @@ def fit(source: Path, out: Path, model: str, no_plots: bool, no_timings: bool, s
             source,
             out,
             model=model,
+            posterior=posterior,
             seed=seed,
             plots=not no_plots,
             timings=not no_timings,

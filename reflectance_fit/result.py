@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +57,25 @@ class Optimum:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Chains:
+    """How an ensemble sampler ran.
+
+    ``tau_steps`` and ``tau`` trace the autocorrelation time (emcee's estimate,
+    the largest over parameters) as the run went on.  ``trace`` is the
+    unthinned mean over walkers, shape (ensemble, step, parameter), in the order
+    of the parameters' names.
+    """
+
+    steps: int
+    burn_in: int
+    acceptance: float
+    rhat_nested: dict[str, float]
+    tau_steps: FloatArray
+    tau: FloatArray
+    trace: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Posterior:
     """Samples of one model's posterior, and how far to trust them.
 
@@ -63,27 +83,20 @@ class Posterior:
     to an array of shape (chain, draw); k is present and zero for dielectrics.
     ``log_density`` has the same shape.  ``ensemble`` gives each chain's
     ensemble (int, shape (chain,)): walkers of one ensemble are not independent,
-    the ensembles are.  ``tau_steps`` and ``tau`` trace the autocorrelation time
-    (emcee's estimate, the largest over parameters) as the run went on.
-    ``trace`` is the unthinned mean over walkers, shape (ensemble, step, parameter),
-    in the order of ``names``.
+    the ensembles are.  ``chains`` tells how emcee ran, ``pareto_k`` the tail
+    index of importance weights; each is None for the other methods.
     """
 
     model: str
-    method: str  # emcee
+    method: Literal["emcee", "importance", "laplace"]
     names: tuple[str, ...]
     samples: dict[str, FloatArray]
     log_density: FloatArray
     ensemble: NDArray[np.int64]
-    steps: int
-    burn_in: int
-    acceptance: float
     ess: dict[str, float]
-    rhat_nested: dict[str, float]
     converged: bool
-    tau_steps: FloatArray
-    tau: FloatArray
-    trace: FloatArray
+    chains: Chains | None = None
+    pareto_k: float | None = None
 
     @property
     def ensembles(self) -> int:

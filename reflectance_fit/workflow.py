@@ -21,6 +21,7 @@ from reflectance_fit.capture.read import read_capture
 from reflectance_fit.capture.truth import Truth
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.files import check_writable, write_together, write_whole
+from reflectance_fit.inference.ladder import METHODS, Method
 from reflectance_fit.inference.predict import predictor
 from reflectance_fit.inference.run import MODELS, fit_channel
 from reflectance_fit.inputs import sha256_of
@@ -44,6 +45,9 @@ Progress = Callable[[str, int, int], None]
 _PICTURE = re.compile(
     r"(fit|residuals|corner|trace|autocorrelation|rank|prior_posterior|schlick|spectrum)(-[\w.-]+)?\.(png|svg)"
 )
+
+# A spectrum of more channels gets the importance rung: emcee would take minutes.
+_FEW_CHANNELS = 16
 
 _log = logging.getLogger(__name__)
 
@@ -88,6 +92,7 @@ def fit(
     source: Measurement | Capture | Path | str,
     *,
     model: str = "auto",
+    posterior: Method | None = None,
     seed: int = 0,
     timings: bool = True,
     progress: Progress | None = None,
@@ -100,6 +105,10 @@ def fit(
         What to fit, or the path of a measurement.yaml, capture.yaml or OBS.nc.
     model : {"auto", "dielectric", "conductor"}
         auto takes whichever has the lower BIC.
+    posterior : {"emcee", "importance", "laplace"}, optional
+        The rung of the posterior ladder: emcee unless there are more than 16
+        channels, then importance sampling.  Where importance sampling finds
+        that it fails, emcee is used.
     seed : int
         The same inputs and seed give the same result, bit for bit.
     timings : bool
@@ -114,11 +123,15 @@ def fit(
     """
     if model not in ("auto", *MODELS):
         raise ReflectanceFitError(f"unknown model '{model}'; choose auto, {' or '.join(MODELS)}")
+    if posterior not in (None, *METHODS):
+        raise ReflectanceFitError(f"unknown posterior '{posterior}'; choose {', '.join(METHODS)}")
     started = time.perf_counter()
     measurement = source if isinstance(source, Measurement) else _measurement(source, progress)
     ingested = time.perf_counter()
     _log.info("%s: %d rows", measurement.path, len(measurement.observations))
     fits, notes = [], list(measurement.warnings)
+    many = len(set(measurement.observations.channel)) > _FEW_CHANNELS
+    method = posterior or ("importance" if many else "emcee")
     for index, (channel, rows) in enumerate(measurement.observations.channels()):
         if not np.any(rows.flag == Flag.USED):
             notes.append(
@@ -133,6 +146,7 @@ def fit(
                 priors=measurement.priors,
                 nuisances=measurement.nuisances or {},
                 model=model,
+                method=method,
                 seed=(seed, index),
                 progress=progress,
             )
@@ -156,13 +170,13 @@ def fit(
 
 def _log_fit(fit: Fit) -> None:
     _log.info(
-        "%s: %s (%s), chi2 %.4g for %d degrees of freedom; %d steps, effective sample size %.0f",
+        "%s: %s (%s), chi2 %.4g for %d degrees of freedom; %s, effective sample size %.0f",
         fit.channel,
         fit.optimum.model,
         fit.chosen_because,
         fit.optimum.chi2,
         fit.optimum.dof,
-        fit.posterior.steps,
+        fit.posterior.method,
         min(fit.posterior.ess.values()),
     )
 
@@ -176,12 +190,13 @@ def fit_to_folder(
     plots: bool,
     timings: bool,
     progress: Progress,
+    posterior: Method | None = None,
 ) -> FitResult:
     """``fit`` and ``FitResult.write``; an unwritable folder is told before the work, not after."""
     check_writable(folder)
     if plots:
         check_writable(folder / "plots")
-    result = fit(source, model=model, seed=seed, timings=timings, progress=progress)
+    result = fit(source, model=model, posterior=posterior, seed=seed, timings=timings, progress=progress)
     result.write(folder, plots=plots, progress=progress)
     return result
 

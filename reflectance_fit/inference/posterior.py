@@ -18,7 +18,7 @@ from reflectance_fit.inference.ensembles import SeparateEnsembles
 from reflectance_fit.inference.likelihood import log_likelihoods
 from reflectance_fit.inference.models import Model
 from reflectance_fit.inference.rows import Rows
-from reflectance_fit.result import Posterior
+from reflectance_fit.result import Chains, Posterior
 
 FloatArray = NDArray[np.float64]
 
@@ -56,13 +56,7 @@ def sample(
     dimensions = len(model.names)
     walkers = max(WALKERS, 4 * dimensions)
 
-    def log_density(x: FloatArray) -> FloatArray:
-        prior = model.log_prior(x)
-        inside = np.isfinite(prior)
-        out = np.full(len(x), -np.inf)
-        out[inside] = prior[inside] + log_likelihoods(rows, model.full(x[inside]))
-        return out
-
+    log_density = log_posterior(model, rows)
     density = log_density(candidates)
     bits = np.random.MT19937(np.random.SeedSequence(seed))
     generator = np.random.Generator(bits)
@@ -105,16 +99,31 @@ def sample(
         samples=samples,
         log_density=sampler.get_log_prob(discard=burn_in).T[:, kept],
         ensemble=np.repeat(np.arange(ENSEMBLES), walkers),
-        steps=steps,
-        burn_in=burn_in,
-        acceptance=float(sampler.acceptance_fraction.mean()),
         ess=ess,
-        rhat_nested=rhat,
         converged=converged,
-        tau_steps=tau_steps,
-        tau=tau,
-        trace=np.stack(list(model.in_report_units(mean_walker).values()), axis=-1),
+        chains=Chains(
+            steps=steps,
+            burn_in=burn_in,
+            acceptance=float(sampler.acceptance_fraction.mean()),
+            rhat_nested=rhat,
+            tau_steps=tau_steps,
+            tau=tau,
+            trace=np.stack(list(model.in_report_units(mean_walker).values()), axis=-1),
+        ),
     )
+
+
+def log_posterior(model: Model, rows: Rows) -> Callable[[FloatArray], FloatArray]:
+    """The log posterior density as a function of coordinates, shape (D, P), up to a constant."""
+
+    def log_density(x: FloatArray) -> FloatArray:
+        prior = model.log_prior(x)
+        inside = np.isfinite(prior)
+        out = np.full(len(x), -np.inf)
+        out[inside] = prior[inside] + log_likelihoods(rows, model.full(x[inside]))
+        return out
+
+    return log_density
 
 
 def _moves() -> list[tuple[emcee.moves.Move, float]]:

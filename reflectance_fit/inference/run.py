@@ -7,11 +7,10 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.inference import models, posterior, search
+from reflectance_fit.inference import ladder, models, posterior, search
 from reflectance_fit.inference.derived import derived_draws
 from reflectance_fit.inference.identify import interval
-from reflectance_fit.inference.optimize import Basin
-from reflectance_fit.inference.rows import Rows, estimated_names, gain_names, pack
+from reflectance_fit.inference.rows import estimated_names, gain_names, pack
 from reflectance_fit.observations import Flag, Observations
 from reflectance_fit.priors import Prior
 from reflectance_fit.result import Candidate, Fit, Interval, Optimum, Posterior
@@ -19,10 +18,6 @@ from reflectance_fit.result import Candidate, Fit, Interval, Optimum, Posterior
 FloatArray = NDArray[np.float64]
 
 MODELS = ("dielectric", "conductor")
-# Basins whose objective lies this far above the best hold less than 1e-5 of the probability.
-_RIVAL = 24.0
-_PRIOR_POINTS, _BASIN_POINTS = 8192, 2000
-
 Progress = Callable[[str, int, int], None]
 
 
@@ -34,13 +29,15 @@ def fit_channel(
     priors: Mapping[str, Prior],
     nuisances: Mapping[str, float],
     model: str = "auto",
+    method: ladder.Method = "emcee",
     seed: tuple[int, ...] = (0,),
     progress: Progress | None = None,
 ) -> Fit:
     """Fit the used rows of one channel.
 
     ``nuisances`` maps names to the sigma of their priors.  ``model`` is auto
-    (dielectric or conductor, whichever has the lower BIC) or one of MODELS.
+    (dielectric or conductor, whichever has the lower BIC) or one of MODELS;
+    ``method`` is the rung of the posterior ladder.
     ``progress`` is called with (what, steps done, steps at most).
     """
     saturated = int(np.sum(observations.flag == Flag.SATURATED))
@@ -53,17 +50,19 @@ def fit_channel(
     optima = {name: optimum for name, (optimum, _) in found.items()}
     chosen, reason = _choose(optima, forced=model != "auto")
 
-    def draw(name: str, stream: int, min_ess: float) -> Posterior:
-        candidates = _candidates(built[name], rows, found[name][1], np.random.default_rng([*seed, stream]))
+    def draw(name: str, method: ladder.Method, stream: int, min_ess: float) -> Posterior:
         report = (lambda done, most: progress(f"sampling {channel}", done, most)) if progress else None
-        return posterior.sample(
-            built[name], rows, candidates, (*seed, stream), min_ess=min_ess, progress=report
+        return ladder.draw(
+            built[name], rows, found[name][1], method, (*seed, stream), min_ess=min_ess, progress=report
         )
 
-    samples = draw(chosen, 0, posterior.MIN_ESS)
-    # k = 0 was chosen because k adds nothing; how large it may be is the conductor's to say.
+    samples = draw(chosen, method, 0, posterior.MIN_ESS)
+    # k = 0 was chosen because k adds nothing; how large it may be is the conductor's to say.  One quantile is
+    # all that is wanted, which importance sampling gives in a tenth of emcee's time, or says that it cannot.
     k_samples = (
-        draw("conductor", 1, posterior.LIMIT_ESS) if chosen == "dielectric" and model == "auto" else None
+        draw("conductor", "importance", 1, posterior.LIMIT_ESS)
+        if chosen == "dielectric" and model == "auto"
+        else None
     )
     derived = derived_draws(samples.samples["eta"], samples.samples["k"], exterior_ior)
     return Fit(
@@ -95,30 +94,6 @@ def _choose(optima: dict[str, Optimum], *, forced: bool) -> tuple[str, str]:
     if difference >= 0:
         return "dielectric", f"k adds nothing: delta BIC = {difference:.4g}"
     return "conductor", f"k > 0 is needed: delta BIC = {-difference:.4g}"
-
-
-def _candidates(
-    model: models.Model, rows: Rows, basins: list[Basin], generator: np.random.Generator
-) -> FloatArray:
-    """Starting points for a sampler, shape (M, P): the prior's range, and every basin that can matter.
-
-    The range by Sobol points; each basin by normal points twice as wide as the
-    objective is there.
-    """
-    from scipy.stats import qmc
-
-    low, high = model.ranges.T
-    sobol = qmc.Sobol(len(low), rng=generator).random(_PRIOR_POINTS)
-    points = [low + (high - low) * sobol]
-    for basin in basins:
-        if basin.objective < basins[0].objective + _RIVAL:
-            width = 2 * search.widths(model, rows, basin)
-            near = basin.x + width * generator.standard_normal((_BASIN_POINTS, len(low)))
-            # Reflected at the bounds: clipping would put walkers on top of one another.
-            near = np.where(near < low, 2 * low - near, near)
-            near = np.where(near > high, 2 * high - near, near)
-            points.append(np.clip(near, low, high))
-    return np.vstack(points)
 
 
 def _intervals(

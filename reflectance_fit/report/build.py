@@ -118,7 +118,7 @@ def _channel(fit: Fit, index: int, table: schema.Literature | None, *, timed: bo
 
 
 def _fit(fit: Fit) -> schema.FitReport:
-    optimum, posterior = fit.optimum, fit.posterior
+    optimum, posterior, chains = fit.optimum, fit.posterior, fit.posterior.chains
     sampled = [name for name in posterior.names if name not in ("eta", "k") and not name.startswith("sigma[")]
     reduced = optimum.reduced_chi2
     return schema.FitReport(
@@ -151,15 +151,16 @@ def _fit(fit: Fit) -> schema.FitReport:
             nan_evaluations=optimum.nan_count,
         ),
         posterior=schema.PosteriorQuality(
-            method="emcee",
+            method=posterior.method,
             ensembles=posterior.ensembles,
             draws=posterior.log_density.size,
-            steps=posterior.steps,
-            burn_in=posterior.burn_in,
+            steps=chains.steps if chains else None,
+            burn_in=chains.burn_in if chains else None,
             ess_min=short(min(posterior.ess.values()), 4),
-            rhat_nested_max=short(max(posterior.rhat_nested.values()), 6),
-            acceptance=short(posterior.acceptance, 3),
-            autocorrelation_steps=short(float(posterior.tau[-1]), 3),
+            rhat_nested_max=short(max(chains.rhat_nested.values()), 6) if chains else None,
+            acceptance=short(chains.acceptance, 3) if chains else None,
+            autocorrelation_steps=short(float(chains.tau[-1]), 3) if chains else None,
+            pareto_k=None if posterior.pareto_k is None else short(posterior.pareto_k, 3),
         ),
     )
 
@@ -182,13 +183,13 @@ def _warnings(fit: Fit) -> list[tuple[str, str]]:
     if fit.estimated_sigma:
         text = ", ".join(f"{name} {value:.3g}" for name, value in fit.estimated_sigma.items())
         found.append(("SIGMA_ESTIMATED", f"no sigma was stated; estimated from the residuals: {text}"))
-    if not fit.posterior.converged:
-        worst = max(fit.posterior.rhat_nested.values())
+    if not fit.posterior.converged and fit.posterior.chains:
+        worst = max(fit.posterior.chains.rhat_nested.values())
         found.append(
             (
                 "NOT_CONVERGED",
                 (
-                    f"after {fit.posterior.steps} steps nested R-hat is {worst:.3f} and the effective sample "
+                    f"after {fit.posterior.chains.steps} steps nested R-hat is {worst:.3f} and the effective sample "
                     f"size {min(fit.posterior.ess.values()):.0f}; intervals are rough"
                 ),
             )

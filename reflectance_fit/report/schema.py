@@ -66,15 +66,20 @@ class FitQuality(_Part):
 
 
 class PosteriorQuality(_Part):
+    """Of the chosen model; what a method has none of is null."""
+
     method: Literal["emcee", "importance", "laplace"]
     ensembles: int
     draws: int
-    steps: int
-    burn_in: int
+    steps: int | None
+    burn_in: int | None
     ess_min: float
-    rhat_nested_max: float
-    acceptance: float
-    autocorrelation_steps: float
+    rhat_nested_max: float | None
+    acceptance: float | None
+    autocorrelation_steps: float | None
+    pareto_k: float | None = Field(
+        None, description="tail of the importance weights; above 0.7 emcee is used"
+    )
 
 
 class FitReport(_Part):

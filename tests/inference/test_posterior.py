@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reflectance_fit.inference import models, posterior, run, search
+from reflectance_fit.inference import ladder, models, posterior, search
 from reflectance_fit.inference.likelihood import log_likelihoods
 from reflectance_fit.inference.rows import gain_names, pack
 from reflectance_fit.observations import concatenate
@@ -34,7 +34,7 @@ def absorber(rows_of, priors):
 
 def draw(absorber, seed):
     model, rows, basins = absorber
-    candidates = run._candidates(model, rows, basins, np.random.default_rng(0))
+    candidates = ladder.candidates(model, rows, basins, np.random.default_rng(0))
     return posterior.sample(model, rows, candidates, (seed,))
 
 
@@ -65,8 +65,8 @@ def test_emcee_equals_grid_quadrature(absorber, drawn):
 def test_the_run_says_how_far_to_trust_it(drawn):
     assert drawn.converged
     assert min(drawn.ess.values()) >= posterior.MIN_ESS
-    assert max(drawn.rhat_nested.values()) <= posterior.MAX_RHAT
-    assert drawn.steps >= posterior.STEPS_PER_TAU * drawn.tau[-1]
+    assert max(drawn.chains.rhat_nested.values()) <= posterior.MAX_RHAT
+    assert drawn.chains.steps >= posterior.STEPS_PER_TAU * drawn.chains.tau[-1]
     assert drawn.samples["eta"].shape == drawn.log_density.shape == (len(drawn.ensemble), 80)
     assert drawn.ensembles == posterior.ENSEMBLES
     assert np.all(drawn.samples["k"] >= 0)
