@@ -15,10 +15,10 @@ from .options import out_folder_option, output_options, seed_option
 @out_folder_option()
 @click.option(
     "--model",
-    type=click.Choice(["auto", "dielectric", "conductor"]),
+    type=click.Choice(["auto", "dielectric", "conductor", "fixed_k", "fixed_eta"]),
     default="auto",
     show_default=True,
-    help="auto chooses by BIC whether k > 0 is needed.",
+    help="auto chooses by BIC whether k > 0 is needed; fixed_k and fixed_eta take the value in priors.",
 )
 @click.option(
     "--posterior",

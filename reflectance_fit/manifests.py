@@ -127,15 +127,20 @@ class NuisanceEntry(Block):
 
 
 class PriorRange(Block):
-    """One key: the kind of prior and its range."""
+    """One key: the kind of prior and its range, or the value that is known."""
 
     uniform: Annotated[tuple[Number, ...], Field(min_length=2, max_length=2)] | None = None
     log_uniform: Annotated[tuple[Number, ...], Field(min_length=2, max_length=2)] | None = None
+    fixed: Number | None = None
 
     @model_validator(mode="after")
     def _range(self) -> PriorRange:
         if len(self.model_fields_set) != 1:
-            raise ValueError("give exactly one of uniform, log_uniform")
+            raise ValueError("give exactly one of uniform, log_uniform, fixed")
+        if self.fixed is not None:
+            if self.fixed < 0:
+                raise ValueError("fixed must be at 0 or above")
+            return self
         low, high = self.uniform or self.log_uniform or (0.0, 0.0)
         if not low < high:
             raise ValueError("the range must be [low, high] with low below high")
@@ -144,6 +149,8 @@ class PriorRange(Block):
         return self
 
     def prior(self) -> Prior:
+        if self.fixed is not None:
+            return Prior("fixed", self.fixed, self.fixed)
         if self.uniform:
             return Prior("uniform", *self.uniform)
         return Prior("log_uniform", *(self.log_uniform or ()))
@@ -155,8 +162,10 @@ class Priors(Block):
 
     @model_validator(mode="after")
     def _physical(self) -> Priors:
-        if self.eta and self.eta.uniform and self.eta.uniform[0] == 0:
-            raise ValueError("eta must start above 0")
+        if self.eta and (self.eta.fixed == 0 or (self.eta.uniform and self.eta.uniform[0] == 0)):
+            raise ValueError("eta must be above 0")
+        if self.eta and self.k and self.eta.fixed is not None and self.k.fixed is not None:
+            raise ValueError("eta and k are both fixed: nothing is left to fit")
         return self
 
     def by_name(self) -> dict[str, Prior]:

@@ -23,9 +23,9 @@ K_PRIOR = (0.0, 20.0)
 
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """uniform or log_uniform on [low, high]; or normal(mean, sigma) clipped to [low, high]."""
+    """uniform or log_uniform on [low, high]; normal(mean, sigma) clipped to [low, high]; or fixed at low = high."""
 
-    kind: Literal["uniform", "log_uniform", "normal"]
+    kind: Literal["uniform", "log_uniform", "normal", "fixed"]
     low: float = -math.inf
     high: float = math.inf
     mean: float = 0.0
@@ -79,6 +79,8 @@ class Prior:
         """The form the report and the ``priors:`` block of input files use."""
         if self.kind == "normal":
             return {"normal": {"mean": self.mean, "sigma": self.sigma}}
+        if self.kind == "fixed":
+            return {"fixed": self.low}
         return {self.kind: [self.low, self.high]}
 
 

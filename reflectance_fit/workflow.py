@@ -103,8 +103,9 @@ def fit(
     ----------
     source : Measurement, Capture or path
         What to fit, or the path of a measurement.yaml, capture.yaml or OBS.nc.
-    model : {"auto", "dielectric", "conductor"}
-        auto takes whichever has the lower BIC.
+    model : {"auto", "dielectric", "conductor", "fixed_k", "fixed_eta"}
+        auto takes dielectric or conductor, whichever has the lower BIC, or
+        what the input's priors leave; fixed_k and fixed_eta need the value there.
     posterior : {"emcee", "importance", "laplace"}, optional
         The rung of the posterior ladder: emcee unless there are more than 16
         channels, then importance sampling.  Where importance sampling finds
@@ -122,7 +123,7 @@ def fit(
         For anything wrong with the input; nothing is written then.
     """
     if model not in ("auto", *MODELS):
-        raise ReflectanceFitError(f"unknown model '{model}'; choose auto, {' or '.join(MODELS)}")
+        raise ReflectanceFitError(f"unknown model '{model}'; choose auto, {', '.join(MODELS)}")
     if posterior not in (None, *METHODS):
         raise ReflectanceFitError(f"unknown posterior '{posterior}'; choose {', '.join(METHODS)}")
     started = time.perf_counter()
@@ -130,6 +131,7 @@ def fit(
     ingested = time.perf_counter()
     _log.info("%s: %d rows", measurement.path, len(measurement.observations))
     fits, notes = [], list(measurement.warnings)
+    _check_fixed(model, measurement)
     many = len(set(measurement.observations.channel)) > _FEW_CHANNELS
     method = posterior or ("importance" if many else "emcee")
     for index, (channel, rows) in enumerate(measurement.observations.channels()):
@@ -166,6 +168,21 @@ def fit(
         seconds=seconds if timings else None,
     )
     return FitResult(report, tuple(fits))
+
+
+def _check_fixed(model: str, measurement: Measurement) -> None:
+    """A model that takes eta or k as known needs the value; the others must not have it."""
+    for name in ("eta", "k"):
+        prior = measurement.priors[name]
+        fixed = prior.kind == "fixed" and not (model == "dielectric" and name == "k" and prior.low == 0)
+        if model == f"fixed_{name}" and not fixed:
+            message = f"--model {model} needs the value, as in priors: {{{name}: {{fixed: 1.5}}}}"
+            raise ReflectanceFitError(Problem(str(measurement.path), None, message))
+        if fixed and model not in ("auto", f"fixed_{name}"):
+            message = (
+                f"priors fix {name} at {prior.low:g}, which --model {model} does not take; leave one out"
+            )
+            raise ReflectanceFitError(Problem(str(measurement.path), None, message))
 
 
 def _log_fit(fit: Fit) -> None:

@@ -97,13 +97,11 @@ def _components(
 
 
 def _posterior(model: Model, method: Method, drawn: importance.Draws) -> Posterior:
-    samples = model.in_report_units(drawn.x)
-    samples.setdefault("k", np.zeros(drawn.log_density.shape))
     return Posterior(
         model=model.name,
         method=method,
         names=model.names,
-        samples=samples,
+        samples=model.samples(drawn.x),
         log_density=drawn.log_density,
         ensemble=np.arange(len(drawn.x)),
         ess=dict.fromkeys(model.names, drawn.ess),

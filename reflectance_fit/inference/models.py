@@ -1,4 +1,7 @@
-"""What is free in a fit: a model (dielectric or conductor) with its nuisances, as coordinates.
+"""What is free in a fit: a model with its nuisances, as coordinates.
+
+A dielectric has k = 0, a conductor eta and k; fixed_k and fixed_eta take one of
+the two as known and solve for the other.
 
 A coordinate vector x holds the free parameters only, each in the coordinate
 of its prior (log eta, k, nuisances, log sigma).  ``full`` spreads x over the
@@ -20,12 +23,16 @@ from reflectance_fit.priors import NUISANCES, Prior
 
 FloatArray = NDArray[np.float64]
 
+# What each model solves for, simplest first.
+FREE = {"dielectric": ("eta",), "fixed_k": ("eta",), "fixed_eta": ("k",), "conductor": ("eta", "k")}
+_PLACES = {"eta": ETA, "k": K}
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Model:
     """The free parameters of one fit, in order, with their priors.
 
-    ``names``: eta, perhaps k, nuisances, and ``sigma[QUANTITY]`` for each
+    ``names``: eta, k or both, nuisances, and ``sigma[QUANTITY]`` for each
     quantity of which no sigma was stated.  ``places`` are their indices in the
     kernel's vector, ``template`` that vector with everything else fixed.
     """
@@ -56,6 +63,11 @@ class Model:
             for j, (name, prior) in enumerate(zip(self.names, self.priors, strict=True))
         }
 
+    def samples(self, x: FloatArray) -> dict[str, FloatArray]:
+        """``in_report_units`` with eta and k in every case, the one that is known as a constant."""
+        index = {name: np.full(x.shape[:-1], self.template[place]) for name, place in _PLACES.items()}
+        return index | self.in_report_units(x)
+
     @property
     def penalised(self) -> list[int]:
         """The coordinates whose prior is normal: each such prior counts as a datum."""
@@ -74,6 +86,15 @@ def _range(prior: Prior) -> tuple[float, float]:
     return low, high
 
 
+def candidates(priors: Mapping[str, Prior]) -> tuple[str, ...]:
+    """The models that the priors of eta and k leave to choose from, simplest first."""
+    if priors["eta"].kind == "fixed":
+        return ("fixed_eta",)
+    if priors["k"].kind == "fixed":
+        return ("fixed_k",) if priors["k"].low > 0 else ("dielectric",)
+    return ("dielectric", "conductor")
+
+
 def build(
     name: str,
     rows: Rows,
@@ -85,9 +106,13 @@ def build(
 
     ``estimated`` names the quantities whose sigma is to be found.
     """
-    names = ["eta", "k"] if name == "conductor" else ["eta"]
+    names = list(FREE[name])
     chosen = [priors[n] for n in names]
-    places = [ETA, K][: len(names)]
+    places = [_PLACES[n] for n in names]
+    template = neutral_vector(len(estimated))
+    for index, place in _PLACES.items():
+        if index not in names and name != "dielectric":
+            template[place] = priors[index].low
     for nuisance, sigma in nuisances.items():
         names.append(nuisance)
         chosen.append(NUISANCES[nuisance].prior(sigma))
@@ -97,7 +122,7 @@ def build(
         names.append(f"sigma[{quantity}]")
         chosen.append(Prior("log_uniform", 1e-6 * scale, 10 * scale))
         places.append(FIRST_SIGMA + j)
-    return Model(name, tuple(names), tuple(chosen), np.array(places), neutral_vector(len(estimated)))
+    return Model(name, tuple(names), tuple(chosen), np.array(places), template)
 
 
 def _scale(rows: Rows, estimated: int) -> float:

@@ -87,8 +87,6 @@ def sample(
 
     kept = np.linspace(0, chains.shape[1] - 1, min(KEPT_DRAWS, chains.shape[1])).round().astype(int)
     thinned = chains[:, kept]
-    samples = model.in_report_units(thinned)
-    samples.setdefault("k", np.zeros(thinned.shape[:2]))
     tau_steps, tau = _tau_curve(whole)
     # (ensemble, step, parameter)
     mean_walker = np.stack(np.split(sampler.get_chain(), ENSEMBLES, axis=1)).mean(axis=2)
@@ -96,7 +94,7 @@ def sample(
         model=model.name,
         method="emcee",
         names=model.names,
-        samples=samples,
+        samples=model.samples(thinned),
         log_density=sampler.get_log_prob(discard=burn_in).T[:, kept],
         ensemble=np.repeat(np.arange(ENSEMBLES), walkers),
         ess=ess,

@@ -17,7 +17,7 @@ from reflectance_fit.result import Candidate, Fit, Interval, Optimum, Posterior
 
 FloatArray = NDArray[np.float64]
 
-MODELS = ("dielectric", "conductor")
+MODELS = tuple(models.FREE)
 Progress = Callable[[str, int, int], None]
 
 
@@ -35,16 +35,16 @@ def fit_channel(
 ) -> Fit:
     """Fit the used rows of one channel.
 
-    ``nuisances`` maps names to the sigma of their priors.  ``model`` is auto
-    (dielectric or conductor, whichever has the lower BIC) or one of MODELS;
-    ``method`` is the rung of the posterior ladder.
+    ``nuisances`` maps names to the sigma of their priors.  ``model`` is one of
+    MODELS, or auto: what the priors of eta and k leave, dielectric or
+    conductor by BIC; ``method`` is the rung of the posterior ladder.
     ``progress`` is called with (what, steps done, steps at most).
     """
     saturated = int(np.sum(observations.flag == Flag.SATURATED))
     observations = observations.used
     rows = pack(observations, exterior_ior)
     estimated, gains = estimated_names(observations), gain_names(observations)
-    names = MODELS if model == "auto" else (model,)
+    names = models.candidates(priors) if model == "auto" else (model,)
     built = {name: models.build(name, rows, priors, nuisances, estimated) for name in names}
     found = {name: search.find(built[name], rows, gains) for name in names}
     optima = {name: optimum for name, (optimum, _) in found.items()}
@@ -61,7 +61,7 @@ def fit_channel(
     # all that is wanted, which importance sampling gives in a tenth of emcee's time, or says that it cannot.
     k_samples = (
         draw("conductor", "importance", 1, posterior.LIMIT_ESS)
-        if chosen == "dielectric" and model == "auto"
+        if chosen == "dielectric" and "conductor" in built
         else None
     )
     derived = derived_draws(samples.samples["eta"], samples.samples["k"], exterior_ior)
@@ -87,9 +87,9 @@ def fit_channel(
 
 
 def _choose(optima: dict[str, Optimum], *, forced: bool) -> tuple[str, str]:
-    if forced:
+    if len(optima) == 1:
         (name,) = optima
-        return name, "asked for"
+        return name, "asked for" if forced else "the priors leave nothing else"
     difference = optima["conductor"].bic - optima["dielectric"].bic
     if difference >= 0:
         return "dielectric", f"k adds nothing: delta BIC = {difference:.4g}"
@@ -103,13 +103,18 @@ def _intervals(
     priors: Mapping[str, Prior],
     derived: dict[str, FloatArray],
 ) -> dict[str, Interval]:
-    eta = interval(samples.samples["eta"], priors["eta"])
+    known = {
+        n: Interval(float(p.low), None, None, None, "fixed") for n, p in priors.items() if p.kind == "fixed"
+    }
+    eta = known.get("eta") or interval(samples.samples["eta"], priors["eta"])
     if "k" in model.names:
         k = interval(samples.samples["k"], priors["k"], bounded=True)
     elif k_samples is not None:
         # The dielectric was chosen, so a bound is all there is to say, however k's draws lie.
         limit = float(np.quantile(k_samples.samples["k"], 0.95))
         k = Interval(None, None, None, (0.0, limit), "upper_limit")
+    elif model.name == "fixed_k":
+        k = known["k"]
     else:
         k = Interval(0.0, None, None, None, "fixed")
     angle, share = Prior("uniform", 0.0, 90.0), Prior("uniform", 0.0, 1.0)

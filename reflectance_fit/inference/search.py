@@ -64,20 +64,18 @@ def _first_step(model: Model, j: int) -> float:
 
 
 def _starts(model: Model, objectives: Callable[[FloatArray], FloatArray]) -> list[FloatArray]:
-    """The local minima of a grid over (log eta, k), nuisances neutral."""
-    base = np.array([prior.centre for prior in model.priors])
-    (low, high) = model.ranges[0]
-    eta = np.linspace(low, high, 4 * _ETA_POINTS if "k" not in model.names else _ETA_POINTS)
-    if "k" not in model.names:
-        x = np.tile(base, (len(eta), 1))
-        x[:, 0] = eta
-        return [x[i] for (i,) in optimize.grid_minima(objectives(x))]
-    # Denser towards k = 0, where R depends on k^2 and weak absorbers live.
-    low, high = model.ranges[1]
-    k = low + (high - low) * np.linspace(0, 1, _K_POINTS) ** 2
-    x = np.tile(base, (len(eta), len(k), 1))
-    x[..., 0], x[..., 1] = eta[:, None], k[None, :]
-    values = objectives(x.reshape(-1, len(base))).reshape(len(eta), len(k))
+    """The local minima of a grid over (log eta, k) or whichever of them is free, nuisances neutral."""
+    free = [j for j, name in enumerate(model.names) if name in ("eta", "k")]
+    axes = []
+    for j in free:
+        low, high = model.ranges[j]
+        points = {"eta": _ETA_POINTS, "k": _K_POINTS}[model.names[j]] * (4 if len(free) == 1 else 1)
+        # Denser towards k = 0, where R depends on k^2 and weak absorbers live.
+        steps = np.linspace(0, 1, points) ** (2 if model.names[j] == "k" else 1)
+        axes.append(low + (high - low) * steps)
+    x = np.tile(np.array([prior.centre for prior in model.priors]), (*map(len, axes), 1))
+    x[..., free] = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    values = objectives(x.reshape(-1, x.shape[-1])).reshape(x.shape[:-1])
     return [x[i] for i in optimize.grid_minima(values)]
 
 

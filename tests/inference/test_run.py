@@ -9,6 +9,9 @@ from reflectance_fit.inference import posterior, run
 from reflectance_fit.observations import Flag, concatenate
 from reflectance_fit.physics.ellipsometry import psi_delta
 from reflectance_fit.physics.fresnel import reflectances
+from reflectance_fit.physics.inversion import eta_from_r0_given_k
+from reflectance_fit.priors import Prior
+from reflectance_fit.result import Interval
 
 
 @pytest.fixture(autouse=True)
@@ -110,3 +113,39 @@ def test_one_unpolarized_reading_cannot_tell_eta_from_k(rows_of, priors):
     found = fit(o, priors, model="conductor")
     assert found.intervals["eta"].status == "not_identified"
     assert found.intervals["eta"].median is None
+
+
+def fixed(priors, **values):
+    return {**priors, **{name: Prior("fixed", value, value) for name, value in values.items()}}
+
+
+def test_eta_and_k_each_solved_for_with_the_other_known(rows_of, priors):
+    o = scan(rows_of, 0.9, 2.5, 0.003)
+    given_k = fit(o, fixed(priors, k=2.5))
+    assert given_k.optimum.model == "fixed_k"
+    assert given_k.chosen_because == "the priors leave nothing else"
+    eta = given_k.intervals["eta"]
+    assert abs(eta.median - 0.9) < 4 * eta.sd
+    assert given_k.intervals["k"] == Interval(2.5, None, None, None, "fixed")
+    assert (given_k.posterior.samples["k"] == 2.5).all()
+    given_eta = fit(o, fixed(priors, eta=0.9))
+    assert given_eta.optimum.model == "fixed_eta"
+    k = given_eta.intervals["k"]
+    assert abs(k.median - 2.5) < 4 * k.sd
+    assert given_eta.intervals["eta"] == Interval(0.9, None, None, None, "fixed")
+    # What is known is worth something.
+    both = fit(o, priors)
+    assert both.optimum.model == "conductor"
+    assert eta.sd < both.intervals["eta"].sd
+    assert k.sd < both.intervals["k"].sd
+
+
+def test_one_reflectance_at_normal_incidence_with_k_known_has_two_answers(rows_of, priors):
+    """The circle of equal R0 meets k = 1 twice: both are told, and neither is chosen."""
+    r0 = float(reflectances(1.0, 3.0, 1.0).mean)
+    roots = eta_from_r0_given_k(r0, 1.0)
+    o = concatenate([rows_of(0.0, "reflectance", r0, sigma=0.001)] * 2)
+    eta = fit(o, fixed(priors, k=1.0), model="fixed_k").intervals["eta"]
+    assert eta.status == "multimodal"
+    np.testing.assert_allclose(sorted(eta.modes), [roots.low, roots.high], rtol=0.02)
+    assert roots.high == pytest.approx(3.0)

@@ -82,9 +82,11 @@ def test_light(tmp_path, light, stokes):
         ("priors: {eta: {uniform: [2, 1]}}", "3: priors.eta: the range must be [low, high]"),
         ("priors: {eta: {uniform: [2, 2]}}", "3: priors.eta: the range must be [low, high]"),
         ("schemaa: x", "3: unknown key 'schemaa', did you mean 'schema'?"),
-        ("priors: {eta: {uniform: [0, 1]}}", "3: priors: eta must start above 0"),
+        ("priors: {eta: {uniform: [0, 1]}}", "3: priors: eta must be above 0"),
         ("priors: {k: {log_uniform: [0, 1]}}", "3: priors.k: the range must start above 0"),
         ("priors: {k: {uniform: [-1, 1]}}", "3: priors.k: the range must start at 0 or above"),
+        ("priors: {k: {fixed: -1}}", "3: priors.k: fixed must be at 0 or above"),
+        ("priors: {eta: {fixed: 0}}", "3: priors: eta must be above 0"),
         ("priors: {k: {uniform: [0, 1], log_uniform: [1, 2]}}", "3: priors.k: give exactly one of"),
     ],
 )

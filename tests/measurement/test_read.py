@@ -78,6 +78,8 @@ def test_stated_priors(tmp_path):
     assert m.priors["eta"].as_yaml() == {"uniform": [1.0, 2.0]}
     m = read(tmp_path, PSI, top="wavelength_nm: 500\npriors: {k: {log_uniform: [0.1, 2]}}")
     assert m.priors["k"].as_yaml() == {"log_uniform": [0.1, 2.0]}
+    m = read(tmp_path, PSI, top="wavelength_nm: 500\npriors: {k: {fixed: 3}}")
+    assert m.priors["k"].as_yaml() == {"fixed": 3.0}
 
 
 def test_sigmas_from_columns_and_constants(tmp_path):

@@ -421,9 +421,29 @@ def test_modes_are_listed_where_there_are_several(result):
 
 def test_an_unknown_model_is_refused(source):
     with pytest.raises(
-        ReflectanceFitError, match="unknown model 'metal'; choose auto, dielectric or conductor"
+        ReflectanceFitError,
+        match="unknown model 'metal'; choose auto, dielectric, fixed_k, fixed_eta, conductor",
     ):
         workflow.fit(source, model="metal")
+
+
+def test_a_known_value_and_the_model_that_takes_it(source, tmp_path):
+    def refusal(priors, model):
+        path = source.with_name("fixed.yaml")
+        path.write_text(source.read_text() + f"priors: {priors}\n")
+        with pytest.raises(ReflectanceFitError) as caught:
+            workflow.fit(path, model=model)
+        return caught.value.lines()[0]
+
+    assert "--model fixed_k needs the value, as in priors: {k: {fixed: 1.5}}" in refusal("{}", "fixed_k")
+    assert "priors fix eta at 1.5, which --model conductor does not take" in refusal(
+        "{eta: {fixed: 1.5}}", "conductor"
+    )
+    assert "priors fix k at 0.5, which --model dielectric does not take" in refusal(
+        "{k: {fixed: 0.5}}", "dielectric"
+    )
+    both = refusal("{eta: {fixed: 1.5}, k: {fixed: 0}}", "auto")
+    assert "eta and k are both fixed: nothing is left to fit" in both
 
 
 def test_a_channel_without_a_usable_row(source, tmp_path):
