@@ -146,7 +146,7 @@ class Fit:
     derived: dict[str, FloatArray]
     estimated_sigma: dict[str, float]  # quantity -> sigma, where no sigma was stated
     priors: dict[str, Prior]  # of every sampled parameter
-    saturated: int  # rows left out because the detector was
+    saturated: int  # rows of which only a bound is known, because the detector was
 
     @property
     def p_value(self) -> float | None:

@@ -17,6 +17,13 @@ Integrating over them with the prior 1/g leaves
 E[1/g] = (1 + u^2 + 3 u^4 + 15 u^6) / G with u the gain's relative standard
 deviation: the asymptotic series, to 0.05 % at u = 0.2.  v needs g, hence a
 short fixed-point iteration; its error is second order in sigma_theta.
+
+A saturated row says y >= L only.  Over its noise and over what the other rows
+leave open of its gain, that has the probability
+
+    Phi((G f + b - L) / sqrt(sigma^2 + f^2 var(g) + sigma_theta^2 v^2)),
+
+a factor of the likelihood; several such rows of one gain count as independent.
 """
 
 from __future__ import annotations
@@ -29,7 +36,7 @@ from numpy.typing import NDArray
 from reflectance_fit.inference.forward import FIRST_SIGMA, at_angle, background, incidence, turns_of
 from reflectance_fit.inference.rows import CODES, Rows
 from reflectance_fit.observations import Quantity
-from reflectance_fit.physics.jit import kernel
+from reflectance_fit.physics.jit import inlined, kernel
 
 FloatArray = NDArray[np.float64]
 
@@ -108,6 +115,14 @@ def _inverse_diagonal(factor: FloatArray, j: int, work: FloatArray) -> float:
     return total
 
 
+@inlined
+def _log_normal_cdf(z: float) -> float:
+    """log Phi(z); far out by the first terms of its asymptotic series, to 1e-6 where erfc is near underflow."""
+    if z > -30.0:
+        return math.log(0.5 * math.erfc(-z / math.sqrt(2.0)))
+    return -0.5 * z * z - math.log(-z * math.sqrt(2.0 * math.pi)) + math.log1p(-1.0 / (z * z))
+
+
 @kernel
 def evaluate(
     rows: Rows, p: FloatArray, whitened: FloatArray, spread: FloatArray, gains: FloatArray
@@ -116,7 +131,9 @@ def evaluate(
 
     Fills ``whitened`` (N residuals whose squares sum to chi2), ``spread`` (each
     row's standard deviation, its angle's share included) and ``gains``.
-    chi2 is NaN where the parameters are outside of the model's domain.
+    Censored rows have residual 0; minus twice their log probability, which is
+    never negative, is added to log det S.  chi2 is NaN where the parameters
+    are outside of the model's domain.
     """
     n = len(rows.value)
     f, slope, target, sigma = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
@@ -133,6 +150,8 @@ def evaluate(
         normal[:], rhs[:] = 0.0, 0.0
         coupling[:], pull[:], steepness[:], share[:] = 0.0, 0.0, 0.0, 0.0
         for i in range(n):
+            if rows.censored[i]:
+                continue
             g, w = rows.gain[i], 1 / sigma[i] ** 2
             if g >= 0:
                 normal[g, g] += w * f[i] * f[i]
@@ -159,10 +178,12 @@ def evaluate(
             return math.nan, 0.0, 0.0
 
     log_integral = 0.0
+    variance = np.empty(rows.gains)
     for g in range(rows.gains):
         if not gains[g] > 0:
             return math.nan, 0.0, 0.0
-        u2 = min(_inverse_diagonal(normal, g, rhs) / gains[g] ** 2, 0.04)
+        variance[g] = _inverse_diagonal(normal, g, rhs)
+        u2 = min(variance[g] / gains[g] ** 2, 0.04)
         log_integral += math.log(1 + u2 * (1 + u2 * (3 + 15 * u2))) - math.log(gains[g])
     log_integral -= 0.5 * log_det_normal
 
@@ -174,8 +195,13 @@ def evaluate(
         g = rows.gain[i]
         residual = target[i] - (gains[g] * f[i] if g >= 0 else 0.0)
         v = slope[i] * (gains[g] if g >= 0 else 1.0)
-        whitened[i] = residual / sigma[i]
         spread[i] = math.sqrt(sigma[i] ** 2 + (rows.theta_sigma[i] * v) ** 2)
+        if rows.censored[i]:
+            open_gain = f[i] ** 2 * variance[g] if g >= 0 else 0.0
+            log_det -= 2 * _log_normal_cdf(-residual / math.sqrt(spread[i] ** 2 + open_gain))
+            whitened[i], slope[i] = 0.0, 0.0
+            continue
+        whitened[i] = residual / sigma[i]
         log_det += 2 * math.log(sigma[i])
         if rows.errors_in_angle:
             slope[i] = v / sigma[i]
@@ -216,7 +242,7 @@ def deviances(rows: Rows, vectors: FloatArray) -> FloatArray:
     n = len(rows.value)
     stated = 0.0
     for i in range(n):
-        if rows.estimated[i] < 0:
+        if rows.estimated[i] < 0 and not rows.censored[i]:
             stated += 2 * math.log(rows.sigma[i])
     out = np.empty(len(vectors))
     whitened, spread, gains = np.empty(n), np.empty(n), np.empty(rows.gains)

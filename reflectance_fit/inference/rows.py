@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.angles import cos_sin_deg
-from reflectance_fit.observations import Observations, Quantity
+from reflectance_fit.observations import Flag, Observations, Quantity, concatenate
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -29,7 +29,8 @@ class Rows(NamedTuple):
     stated; else the index of its gain, or of its estimated sigma.  ``setting``
     numbers the goniometer settings: rows of one setting share one angle error.
     ``largest`` is the largest value among the rows of equal gain (the unit of
-    the diffuse part).
+    the diffuse part).  ``censored`` rows are saturated: all that is known is
+    that the truth is at least their value.
     """
 
     code: IntArray
@@ -48,6 +49,7 @@ class Rows(NamedTuple):
     estimated: IntArray
     setting: IntArray
     largest: FloatArray
+    censored: NDArray[np.bool_]
     exterior_ior: float
     gains: int
     settings: int
@@ -69,8 +71,22 @@ def _cos_sin(angle_deg: FloatArray) -> FloatArray:
     return np.stack([np.cos(radians), np.sin(radians)], axis=1)
 
 
+def fitted(observations: Observations) -> Observations:
+    """The rows that say something: those used, then the saturated ones whose gain and sigma the used ones tell."""
+    used = observations.used
+
+    def kinds(o: Observations) -> list[tuple[str, str, bool]]:
+        return list(
+            zip(map(str, o.gain_group), map(str, o.quantity), map(bool, np.isnan(o.sigma)), strict=True)
+        )
+
+    known = set(kinds(used))
+    bounds = (observations.flag == Flag.SATURATED) & np.array([kind in known for kind in kinds(observations)])
+    return concatenate([used, observations.select(bounds)])
+
+
 def pack(observations: Observations, exterior_ior: float) -> Rows:
-    """The kernel's view of ``observations`` (all rows; filter before)."""
+    """The kernel's view of ``observations`` (all rows; filter by ``fitted`` before)."""
     o = observations
     gains = {name: i for i, name in enumerate(gain_names(o))}
     estimated = {name: i for i, name in enumerate(estimated_names(o))}
@@ -80,10 +96,11 @@ def pack(observations: Observations, exterior_ior: float) -> Rows:
     keys = [f"{s}|{t!r}|{e!r}" for s, t, e in zip(o.set, o.theta_deg, o.theta_deg_sigma, strict=True)]
     settings, setting = np.unique(np.array(keys), return_inverse=True)
     power = code <= LAST_POWER
+    censored = o.flag == Flag.SATURATED
     largest = np.ones(len(o))
     for g in np.unique(gain[power]):
         members = power & (gain == g)
-        largest[members] = np.max(np.abs(o.value[members]))
+        largest[members] = np.max(np.abs(o.value[members & ~censored]))
     cos_theta, sin_theta = cos_sin_deg(o.theta_deg)
     # signal_s and signal_p are signals behind an analyzer along s and p.
     analyzer_deg = np.select(
@@ -106,6 +123,7 @@ def pack(observations: Observations, exterior_ior: float) -> Rows:
         estimated=np.array(sigma_index, dtype=np.int64),
         setting=setting.astype(np.int64),
         largest=largest,
+        censored=censored,
         exterior_ior=exterior_ior,
         gains=len(gains),
         settings=len(settings),

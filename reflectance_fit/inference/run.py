@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from reflectance_fit.inference import ladder, models, posterior, search
 from reflectance_fit.inference.derived import derived_draws
 from reflectance_fit.inference.identify import interval
-from reflectance_fit.inference.rows import estimated_names, gain_names, pack
+from reflectance_fit.inference.rows import estimated_names, fitted, gain_names, pack
 from reflectance_fit.observations import Flag, Observations
 from reflectance_fit.priors import Prior
 from reflectance_fit.result import Candidate, Fit, Interval, Optimum, Posterior
@@ -41,8 +41,8 @@ def fit_channel(
     ``progress`` is called with (what, steps done, steps at most).
     """
     saturated = int(np.sum(observations.flag == Flag.SATURATED))
+    rows = pack(fitted(observations), exterior_ior)
     observations = observations.used
-    rows = pack(observations, exterior_ior)
     estimated, gains = estimated_names(observations), gain_names(observations)
     names = models.candidates(priors) if model == "auto" else (model,)
     built = {name: models.build(name, rows, priors, nuisances, estimated) for name in names}

@@ -104,7 +104,7 @@ def _polished(
     """Gauss-Newton in all coordinates but the estimated sigmas, which are no sum of squares."""
     free = model.places < FIRST_SIGMA
     whitened, spread, gains = np.empty(len(rows.value)), np.empty(len(rows.value)), np.empty(rows.gains)
-    stated = 2 * np.sum(np.log(rows.sigma))
+    stated = 2 * np.sum(np.log(rows.sigma[~rows.censored]))
 
     def whole(part: FloatArray) -> FloatArray:
         x = basin.x.copy()
@@ -117,8 +117,9 @@ def _polished(
         chi2, log_det, _ = evaluate(rows, vector, whitened, spread, gains)
         if math.isnan(chi2):
             return np.full(len(whitened) + 1 + len(model.penalised), np.nan)
-        estimated = 2 * np.sum(vector[FIRST_SIGMA + rows.estimated[rows.estimated >= 0]])
-        # The angle errors' share of log det S is never negative: a sum of squares of one term.
+        free_sigma = (rows.estimated >= 0) & ~rows.censored
+        estimated = 2 * np.sum(vector[FIRST_SIGMA + rows.estimated[free_sigma]])
+        # What angle errors and censored rows add to log det S is never negative: a sum of squares of one term.
         share = math.sqrt(max(log_det - stated - estimated, 0.0))
         return np.concatenate([whitened, [share], np.sqrt(_penalties(model, x[None]))[0]])
 
@@ -128,9 +129,10 @@ def _polished(
 
 
 def _describe(model: Model, rows: Rows, gains: list[str], basin: optimize.Basin) -> Optimum:
-    n = len(rows.value)
+    used = ~rows.censored
+    n = int(used.sum())
     vector = model.full(basin.x)[0]
-    whitened, spread, gain_values = np.empty(n), np.empty(n), np.empty(rows.gains)
+    whitened, spread, gain_values = np.empty(len(used)), np.empty(len(used)), np.empty(rows.gains)
     chi2, _, _ = evaluate(rows, vector, whitened, spread, gain_values)
     chi2 += float(_penalties(model, basin.x[None]).sum())
     parameters = len(model.names) + rows.gains
@@ -149,9 +151,9 @@ def _describe(model: Model, rows: Rows, gains: list[str], basin: optimize.Basin)
         # A normal prior is one more datum, its parameter one more parameter.
         dof=n + len(model.penalised) - parameters,
         bic=basin.objective + parameters * math.log(n),
-        predicted=predicted,
-        sigma=spread,
-        residuals=difference / spread,
+        predicted=predicted[used],
+        sigma=spread[used],
+        residuals=(difference / spread)[used],
         optimizer=optimize.OPTIMIZER,
         nan_count=basin.nan_count,
     )

@@ -68,7 +68,7 @@ class Table(Block):
     )
     theta_from: ThetaFrom | None = Field(default=None, description="theta_deg = zero_deg + scale * column")
     saturation: Number | None = Field(
-        default=None, description="Signals and reflectances from here on are left out"
+        default=None, description="Signals and reflectances from here on are lower bounds"
     )
     gain_group: Text | None = Field(default=None, description="Signals of one group share one unknown gain")
     delta_sense: Sense = Field(default=1, description="-1 for files whose Delta has the other sign")

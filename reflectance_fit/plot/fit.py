@@ -31,7 +31,7 @@ def draw_fit(fit: Fit, predict: Predict) -> Figure:
     figure, axes = style.grid(
         len(shown), panel_height=3.0 if len(shown) == 1 else 2.2, right=1.75, top=0.58, gap=(0.42, 0.0)
     )
-    left_out = f", {fit.saturated} saturated left out" if fit.saturated else ""
+    left_out = f", {fit.saturated} saturated not shown" if fit.saturated else ""
     style.heading(figure, subject(fit) + left_out)
     model = Model(fit, predict)
     y, sigma = _measured(fit, model)

@@ -179,7 +179,7 @@ def _warnings(fit: Fit) -> list[tuple[str, str]]:
             )
         )
     if fit.saturated:
-        found.append(("SATURATED", f"{fit.saturated} rows at or above saturation were left out"))
+        found.append(("SATURATED", f"{fit.saturated} saturated rows count as lower bounds only"))
     if fit.estimated_sigma:
         text = ", ".join(f"{name} {value:.3g}" for name, value in fit.estimated_sigma.items())
         found.append(("SIGMA_ESTIMATED", f"no sigma was stated; estimated from the residuals: {text}"))

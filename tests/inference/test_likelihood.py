@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -9,7 +11,7 @@ from scipy.stats import multivariate_normal, norm
 
 from reflectance_fit.inference.forward import neutral_vector, predict_vectors
 from reflectance_fit.inference.likelihood import deviances, evaluate, log_likelihoods
-from reflectance_fit.inference.rows import pack
+from reflectance_fit.inference.rows import fitted, pack
 from reflectance_fit.observations import concatenate
 from reflectance_fit.physics.fresnel import reflectances
 
@@ -168,3 +170,47 @@ def test_outside_of_the_domain_is_minus_infinity(rows_of):
     dark = pack(rows_of([30.0, 40.0], "signal_s", [-5.0, -6.0], sigma=0.1, gain_group="g"), 1.0)
     assert log_likelihoods(dark, vector(1.5)[None])[0] == -np.inf
     assert np.isnan(deviances(dark, vector(1.5)[None])[0])
+
+
+@pytest.mark.parametrize("level", [0.5, 0.98, 1.3])
+def test_a_saturated_row_is_the_chance_of_reaching_its_value(rows_of, level):
+    """Of one unknown gain, normal by the other rows: quadrature over it against the closed form."""
+    theta = np.array([30.0, 50.0, 75.0])
+    r = reflectances(np.cos(np.radians(theta)), 1.5).s
+    signal = 800.0 * r / 2
+    clipped = rows_of(75.0, "signal_s", level * signal[2], sigma=4.0, gain_group="g")
+    clipped = replace(clipped, flag=np.array(["saturated"]))
+    used = rows_of(theta[:2], "signal_s", signal[:2] + np.array([1.0, -1.5]), sigma=4.0, gain_group="g")
+    rows, plain = (pack(fitted(concatenate(parts)), 1.0) for parts in ([used, clipped], [used]))
+    assert rows.censored.tolist() == [False, False, True]
+    for eta in (1.4, 1.6):
+        f = reflectances(np.cos(np.radians(theta)), eta).s / 2
+        precision = np.sum(f[:2] ** 2) / 16
+        mean = np.sum(f[:2] * used.value) / 16 / precision
+
+        def integrand(g, f=f, mean=mean, precision=precision):
+            return norm.pdf(g, mean, precision**-0.5) * norm.sf(clipped.value[0], g * f[2], 4.0)
+
+        reach = 10 * precision**-0.5
+        expected = np.log(quad(integrand, mean - reach, mean + reach, epsabs=0, epsrel=1e-10)[0])
+        both = [log_likelihoods(x, vector(eta)[None])[0] for x in (rows, plain)]
+        assert both[0] - both[1] == pytest.approx(expected, rel=1e-8, abs=1e-12)
+        assert deviances(rows, vector(eta)[None])[0] - deviances(plain, vector(eta)[None])[
+            0
+        ] == pytest.approx(-2 * expected, rel=1e-8, abs=1e-11)
+
+
+def test_a_saturated_row_far_from_its_bound(rows_of):
+    """60 standard deviations short, where the normal distribution underflows."""
+    o = replace(rows_of(30.0, "reflectance_s", 0.9, sigma=0.01), flag=np.array(["saturated"]))
+    other = rows_of(40.0, "reflectance_s", 0.08, sigma=0.01)
+    rows, plain = (pack(fitted(concatenate(parts)), 1.0) for parts in ([other, o], [other]))
+    short = (0.9 - float(reflectances(np.cos(np.radians(30.0)), 1.5).s)) / 0.01
+    found = log_likelihoods(rows, vector(1.5)[None])[0] - log_likelihoods(plain, vector(1.5)[None])[0]
+    assert found == pytest.approx(norm.logcdf(-short), rel=1e-6)
+
+
+def test_saturated_rows_of_which_nothing_is_known_are_left_out(rows_of):
+    used = rows_of(40.0, "signal_s", 0.08, sigma=0.01, gain_group="a")
+    alone = replace(rows_of(40.0, "signal_s", 0.9, sigma=0.01, gain_group="b"), flag=np.array(["saturated"]))
+    assert len(fitted(concatenate([used, alone]))) == 1

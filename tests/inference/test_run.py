@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -91,18 +93,27 @@ def test_an_estimated_sigma_is_the_noise_that_was_put_in(rows_of, priors):
         assert np.quantile(draws, 0.0005) < 0.003 * largest < np.quantile(draws, 0.9995)
 
 
-def test_saturated_rows_are_left_out_and_counted(rows_of, priors):
-    o = scan(rows_of, 1.5, 0.0, 0.003)
-    flag = o.flag.astype("U12")
-    flag[:3] = Flag.SATURATED
-    value = o.value.copy()
-    value[:3] = 99.0
-    from dataclasses import replace
-
-    found = fit(replace(o, flag=flag, value=value), priors, model="dielectric")
-    assert found.saturated == 3
-    assert len(found.observations) == len(o) - 3
-    assert abs(found.intervals["eta"].median - 1.5) < 4 * found.intervals["eta"].sd
+def test_saturated_rows_are_counted_and_count_as_bounds(rows_of, priors):
+    """A reflectance that two answers fit, and a clipped one at grazing incidence that only one of them can reach."""
+    r = reflectances(np.cos(np.radians([0.0, 70.0])), 2.0).mean
+    near = rows_of(0.0, "reflectance", r[0], sigma=0.002)
+    clipped = rows_of(70.0, "reflectance", 0.9 * r[1], sigma=0.002)
+    o = concatenate([near, near, clipped])
+    told = replace(o, flag=np.array(["used", "used", str(Flag.SATURATED)]))
+    found = fit(told, priors, model="dielectric", method="importance")
+    assert found.saturated == 1
+    assert len(found.observations) == len(found.optimum.residuals) == 2
+    assert found.optimum.dof == 1
+    dropped = fit(o.select(np.array([0, 1])), priors, model="dielectric", method="importance")
+    assert dropped.intervals["eta"].status == "multimodal"  # 2 and 1 / 2
+    # The bound is below what 2 reflects, and total reflection of 1 / 2 is above it: both stay.
+    assert found.intervals["eta"].status == "multimodal"
+    # Clipped at 40 degrees, where 1 / 2 reflects totally and 2 does not: it must be 1 / 2.
+    total = replace(clipped, theta_deg=np.array([40.0]), value=np.array([0.5]))
+    told = replace(concatenate([near, near, total]), flag=told.flag)
+    eta = fit(told, priors, model="dielectric", method="importance").intervals["eta"]
+    assert eta.status == "identified"
+    assert abs(eta.median - 0.5) < 4 * eta.sd
 
 
 def test_one_unpolarized_reading_cannot_tell_eta_from_k(rows_of, priors):
