@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
+from numpy.typing import NDArray
 
 from reflectance_fit.plot import style
 from reflectance_fit.plot.corner import varied
 from reflectance_fit.plot.text import label, subject
-from reflectance_fit.result import Fit
+from reflectance_fit.result import Fit, Posterior
 
-TRACE_POINTS = 2000
+TRACE_POINTS = 800
 RANK_BARS = 20
 
 
@@ -21,38 +26,21 @@ def draw_trace(fit: Fit) -> Figure:
     """The mean over walkers of each ensemble against the step, burn-in shaded."""
     posterior = fit.posterior
     moving = [i for i in range(len(posterior.names)) if np.ptp(posterior.trace[:, :, i]) > 0]
-    figure, axes = style.grid(
-        len(moving),
-        panel_height=1.35 if len(moving) <= 4 else 1.0,
-        left=1.2,
-        top=0.52,
-        gap=(0.18, 0.0),
-        share_x=True,
-    )
+    figure, axes = style.grid(len(moving), panel_height=0.85, left=1.3, top=0.52, gap=(0.16, 0.0))
     style.heading(figure, f"{subject(fit)}: mean over walkers, burn-in shaded")
-    steps = style.thin(np.arange(1.0, posterior.trace.shape[1] + 1), TRACE_POINTS)
+    length = posterior.trace.shape[1]
+    steps = style.thin(np.arange(1.0, length + 1), TRACE_POINTS)
     for ax, i in zip(axes[:, 0], moving, strict=True):
         ax.axvspan(0, posterior.burn_in, color=style.QUIET, alpha=0.2, linewidth=0)
-        for ensemble, trace in enumerate(posterior.trace[:, :, i]):
-            colour = style.ENSEMBLES[ensemble % len(style.ENSEMBLES)]
-            ax.plot(
-                steps,
-                style.thin(trace, TRACE_POINTS),
-                color=colour,
-                linewidth=0.7,
-                label=f"ensemble {ensemble + 1}",
-                rasterized=len(steps) == TRACE_POINTS,
-            )
+        for trace, look in zip(posterior.trace[:, :, i], _looks(posterior), strict=True):
+            ax.plot(steps, style.thin(trace, TRACE_POINTS), linewidth=0.7, **look)
         ax.set_ylabel(label(posterior.names[i]).replace(" (", "\n("))
-        ax.set_xlim(0, posterior.trace.shape[1])
-        ax.label_outer()
-    figure.align_ylabels()
+        ax.set_xlim(0, length)
+        ax.yaxis.set_major_locator(MaxNLocator(4))
+        ax.grid(visible=False, axis="x")
+        ax.xaxis.set_visible(ax is axes[-1, 0])
     axes[-1, 0].set_xlabel("step (iterations)")
-    legend = axes[0, 0].legend(
-        loc="lower right", bbox_to_anchor=(1.0, 1.02), ncols=posterior.trace.shape[0], columnspacing=1.2
-    )
-    for line in legend.get_lines():
-        line.set_linewidth(2.0)
+    _ensembles_above(axes[0, 0], posterior)
     return figure
 
 
@@ -84,40 +72,81 @@ def draw_autocorrelation(fit: Fit) -> Figure:
 
 @style.styled
 def draw_rank(fit: Fit) -> Figure:
-    """Where each ensemble's draws rank among all: level bars mean that the ensembles agree."""
-    from scipy.stats import rankdata
-
+    """Where each ensemble's draws rank among all: level lines mean that the ensembles agree."""
     posterior = fit.posterior
-    names, count = varied(posterior), posterior.ensembles
-    figure, axes = style.grid(
-        len(names), count, panel_height=1.15, left=0.95, gap=(0.18, 0.12), top=0.65, share_x=True
-    )
+    names = varied(posterior)
+    excess = {name: rank_densities(posterior, name) - 1 for name in names}
+    spread = {name: _spread(posterior, name) for name in names}
+    reach = max(1.3 * max(spread.values()), 1.1 * max(float(np.max(np.abs(e))) for e in excess.values()))
+    figure, axes = style.grid(panel_height=max(1.2, 0.8 * len(names)), left=1.6, top=0.52)
     style.heading(figure, f"{subject(fit)}: ranks of the draws, grey is 95 % of chance")
+    ax = axes[0, 0]
+    rows = np.arange(len(names))
+    for row, name in enumerate(names):
+        band = 0.5 * spread[name] / reach
+        ax.axhspan(row - band, row + band, color=style.QUIET, alpha=0.2, linewidth=0)
+    ax.hlines(rows, 0, 1, color=style.INK, linewidth=0.5)
+    ax.hlines(rows[1:] - 0.5, 0, 1, color=style.INK, linewidth=0.7)
     edges = np.linspace(0, 1, RANK_BARS + 1)
-    for row, name in zip(axes, names, strict=True):
-        ranks = (rankdata(posterior.samples[name]) - 0.5) / posterior.samples[name].size
-        ranks = ranks.reshape(posterior.samples[name].shape)
-        # Correlated draws scatter more than independent ones: the effective number counts.
-        effective = max(1.0, posterior.ess.get(name, ranks.size) / count)
-        spread = 1.96 * np.sqrt((RANK_BARS - 1) / effective)
-        bars = [np.histogram(ranks[posterior.ensemble == e], edges, density=True)[0] for e in range(count)]
-        top = max(1.0 + 1.6 * spread, 1.05 * float(np.max(bars)))
-        for ensemble, (ax, heights) in enumerate(zip(row, bars, strict=True)):
-            colour = style.ENSEMBLES[ensemble % len(style.ENSEMBLES)]
-            ax.stairs(heights, edges, fill=True, color=colour, alpha=0.45, linewidth=0)
-            ax.stairs(heights, edges, color=colour, linewidth=1.0)
-            ax.axhspan(1 - spread, 1 + spread, color=style.QUIET, alpha=0.25, linewidth=0, zorder=0.5)
-            ax.axhline(1, color=style.INK, linewidth=0.7, zorder=3)
-            ax.set(xlim=(0, 1), ylim=(0, top), xticks=[0, 0.5, 1], xticklabels=["0", "0.5", "1"])
-            ax.grid(visible=False)
-            ax.label_outer()
-        row[0].set_ylabel(label(name).replace(" (", "\n(") + "\ndensity")
-    for ensemble, ax in enumerate(axes[0]):
-        ax.set_title(f"ensemble {ensemble + 1}", size=8.5, loc="center")
-    for ax in axes[-1]:
-        ax.set_xlabel("rank (fraction)")
-    figure.align_ylabels()
+    for ensemble, look in enumerate(_looks(posterior)):
+        # Downwards, as rows are read; the gap parts a row's line from the next row's.
+        lines = [row - 0.5 * excess[name][ensemble] / reach for row, name in enumerate(names)]
+        steps = np.concatenate([np.append(line, (line[-1], np.nan)) for line in lines])
+        ax.plot(
+            np.tile(np.append(edges, np.nan), len(names)),
+            steps,
+            drawstyle="steps-post",
+            linewidth=1.1,
+            **look,
+        )
+    ax.grid(visible=False)
+    ax.set(
+        xlim=(0, 1),
+        ylim=(len(names) - 0.5, -0.5),
+        xlabel="rank (fraction)",
+        ylabel=f"density − 1\neach row ±{reach:.2g}",
+    )
+    ax.set_yticks(range(len(names)), [label(name).replace(" (", "\n(") for name in names])
+    ax.tick_params(axis="y", length=0)
+    _ensembles_above(ax, posterior)
     return figure
+
+
+def rank_densities(posterior: Posterior, name: str) -> NDArray[np.float64]:
+    """Density of the rank (0 to 1) of each ensemble's draws among all, shape (ensemble, bar)."""
+    draws = posterior.samples[name]
+    # Equal draws are one walker's that stood still: whichever comes first, its ensemble is the same.
+    owner = np.repeat(posterior.ensemble, draws.shape[1])[np.argsort(draws, axis=None)]
+    bar = np.arange(draws.size) * RANK_BARS // draws.size
+    counts = np.bincount(owner * RANK_BARS + bar, minlength=posterior.ensembles * RANK_BARS)
+    share = counts.reshape(posterior.ensembles, RANK_BARS)
+    density: NDArray[np.float64] = share / share.mean(axis=1, keepdims=True)
+    return density
+
+
+def _spread(posterior: Posterior, name: str) -> float:
+    """How far chance takes a bar from 1, in 95 % of cases."""
+    # Correlated draws scatter more than independent ones: the effective number counts.
+    effective = max(1.0, posterior.ess.get(name, posterior.samples[name].size) / posterior.ensembles)
+    return float(1.96 * np.sqrt((RANK_BARS - 1) / effective))
+
+
+def _looks(posterior: Posterior) -> list[dict[str, Any]]:
+    """Colour and name of each ensemble."""
+    return [
+        {"color": style.ENSEMBLES[e % len(style.ENSEMBLES)], "label": f"ensemble {e + 1}"}
+        for e in range(posterior.ensembles)
+    ]
+
+
+def _ensembles_above(ax: Axes, posterior: Posterior) -> None:
+    ax.legend(
+        handles=[Line2D([], [], linewidth=2.0, **look) for look in _looks(posterior)],
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.02),
+        ncols=posterior.ensembles,
+        columnspacing=1.2,
+    )
 
 
 def _plain_log(axis: Axis) -> None:

@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
 
 from reflectance_fit.plot import style
 from reflectance_fit.plot.text import label, subject, with_error
 from reflectance_fit.result import Fit, Posterior
 
-POINTS = 8000
+FloatArray = NDArray[np.float64]
+
+BINS = 28
+SMOOTHING = 1.2  # bins
+SHOWN = 0.998  # of each parameter's draws
+LEVELS = (0.95, 0.68)
 # Outside 95 % the single draws show; inside, the shade must not hide the lines of the medians.
-_FILL = [(1.0, 1.0, 1.0, 0.0), "#C8E8DD", "#86CCB4"]
+_FILL = ("#C8E8DD", "#86CCB4")
+# Each dot is an element of the SVG: this many draws are shared out among the panels.
+DRAWS = 24000
+_LEFT, _BOTTOM, _TOP, _RIGHT, _GAP = 0.95, 0.9, 0.65, 0.15, 0.07  # inches
 
 
 def varied(posterior: Posterior) -> list[str]:
@@ -24,52 +33,87 @@ def varied(posterior: Posterior) -> list[str]:
 
 @style.styled
 def draw_corner(fit: Fit) -> Figure:
-    """Joint and single distributions with medians and 95 % intervals, in report units."""
-    with warnings.catch_warnings():
-        # corner looks for arviz, whose import may announce news that concern nobody here.
-        warnings.simplefilter("ignore")
-        from corner import corner
+    """Joint and single distributions with medians and 95 % intervals, in report units.
 
+    The corner package takes several times as long: it also fills the half above
+    the diagonal with empty panels, and puts ticks on the inner ones.
+    """
     names = varied(fit.posterior)
-    draws = np.stack([fit.posterior.flat(n) for n in names], axis=1)
-    size = max(3.4, 1.5 * len(names) + 1.0)
-    figure = Figure(figsize=(size, size))
-    FigureCanvasAgg(figure)
-    corner(
-        style.thin(draws, POINTS),
-        fig=figure,
-        labels=[label(n).replace(" (", "\n(") for n in names],
-        color=style.POSTERIOR,
-        bins=28,
-        smooth=1.2,
-        range=[0.998] * len(names),
-        levels=(0.68, 0.95),
-        plot_density=False,
-        # Each panel's points are a picture of their own; with many panels the file would be megabytes.
-        plot_datapoints=len(names) <= 4,
-        fill_contours=True,
-        max_n_ticks=3,
-        data_kwargs={"alpha": 0.15, "ms": 1.5},
-        contourf_kwargs={"colors": _FILL},
-        contour_kwargs={"linewidths": 0.9},
-        hist_kwargs={"linewidth": 1.1},
-        quiet=True,
-    )
-    axes = np.array(figure.axes).reshape(len(names), len(names))
-    figure.subplots_adjust(left=0.95 / size, bottom=0.9 / size, right=1 - 0.2 / size, top=1 - 0.65 / size)
-    for i in range(len(names)):
-        low, middle, high = np.percentile(draws[:, i], (2.5, 50, 97.5))
-        axes[i, i].axvspan(low, high, color=style.POSTERIOR, alpha=0.12, linewidth=0)
-        axes[i, i].axvline(middle, color=style.INK, linewidth=0.9)
-        axes[i, i].set_title(with_error(middle, float(draws[:, i].std())), size=8.5, loc="center")
-        for j in range(i):
-            axes[i, j].axhline(middle, color=style.INK, linewidth=0.6, linestyle=":")
-            axes[i, j].axvline(np.median(draws[:, j]), color=style.INK, linewidth=0.6, linestyle=":")
-    side = float(axes[0, 0].get_position().height) * size
-    for i in range(len(names)):
-        axes[-1, i].xaxis.set_label_coords(0.5, -0.52 / side)
-        axes[i, 0].yaxis.set_label_coords(-0.52 / side, 0.5)
-    for ax in axes[np.tril_indices(len(names))]:
-        ax.grid(visible=False)
+    draws = [fit.posterior.flat(n) for n in names]
+    views = [np.percentile(d, (50 - 50 * SHOWN, 50 + 50 * SHOWN)) for d in draws]
+    count = len(names)
+    panel = max(2.2, 1.5 * count - 0.15) / count - _GAP
+    width, height = (count * panel + (count - 1) * _GAP + ends for ends in (_LEFT + _RIGHT, _BOTTOM + _TOP))
+    figure = Figure(figsize=(width, height))
+    for i in range(count):
+        for j in range(i + 1):
+            x, y = _LEFT + j * (panel + _GAP), _BOTTOM + (count - 1 - i) * (panel + _GAP)
+            ax = figure.add_axes((x / width, y / height, panel / width, panel / height))
+            ax.grid(visible=False)
+            style.place_labels(ax, _LEFT)
+            ax.xaxis.set_label_coords(0.5, -0.52 / panel)
+            if i == j:
+                _single(ax, draws[i], views[i])
+            else:
+                _pair(ax, draws[j], draws[i], views[j], views[i], most=2 * DRAWS // count**2)
+                ax.set_ylim(*views[i])
+            ax.set_xlim(*views[j])
+            _outer(ax.xaxis, names[j], views[j], shown=i == count - 1)
+            _outer(ax.yaxis, names[i], views[i], shown=j == 0 < i)
     style.heading(figure, f"{subject(fit)}: median, 95 % shaded")
     return figure
+
+
+def _single(ax: Axes, draws: FloatArray, view: FloatArray) -> None:
+    low, middle, high = np.percentile(draws, (2.5, 50, 97.5))
+    ax.axvspan(low, high, color=style.POSTERIOR, alpha=0.12, linewidth=0)
+    ax.stairs(*np.histogram(draws, BINS, range=tuple(view)), color=style.POSTERIOR, linewidth=1.1)
+    ax.axvline(middle, color=style.INK, linewidth=0.9)
+    ax.set_ylim(bottom=0)
+    ax.set_title(with_error(middle, float(draws.std())), size=8.5, loc="center")
+
+
+def _pair(ax: Axes, x: FloatArray, y: FloatArray, x_view: FloatArray, y_view: FloatArray, most: int) -> None:
+    density, x_edges, y_edges = np.histogram2d(x, y, BINS, range=(x_view, y_view))
+    density = gaussian_filter(density, SMOOTHING)
+    levels = _levels(density)
+    cell = tuple(
+        np.clip(((style.thin(v, most) - low) / (high - low) * BINS).astype(int), 0, BINS - 1)
+        for v, (low, high) in ((x, x_view), (y, y_view))
+    )
+    rare = density[cell] < levels[0]
+    ax.plot(
+        style.thin(x, most)[rare],
+        style.thin(y, most)[rare],
+        "o",
+        color=style.POSTERIOR,
+        alpha=0.3,
+        markersize=1.5,
+        markeredgewidth=0,
+        zorder=1,
+    )
+    # A step down to zero just outside the view closes every contour.
+    around = [
+        np.pad(e[:-1] + (e[1] - e[0]) / 2, 2, mode="reflect", reflect_type="odd") for e in (x_edges, y_edges)
+    ]
+    closed = np.pad(np.pad(density, 1, mode="edge"), 1)
+    regions = ax.contour(*around, closed.T, levels, colors=style.POSTERIOR, linewidths=0.9, zorder=2)
+    regions.set(array=None, facecolor=_FILL[-len(levels) :], edgecolor=style.POSTERIOR)
+    ax.axvline(float(np.median(x)), color=style.INK, linewidth=0.6, linestyle=":")
+    ax.axhline(float(np.median(y)), color=style.INK, linewidth=0.6, linestyle=":")
+
+
+def _levels(density: FloatArray) -> FloatArray:
+    """The densities above which the shares ``LEVELS`` of all draws lie, ascending."""
+    ordered = np.sort(density, axis=None)[::-1]
+    shares = np.cumsum(ordered) / ordered.sum()
+    return np.unique(ordered[np.searchsorted(shares, LEVELS)])
+
+
+def _outer(axis: Axis, name: str, view: FloatArray, *, shown: bool) -> None:
+    """Ticks and a name on the outer panels only."""
+    axis.set_visible(shown)
+    if shown:
+        axis.set_ticks(style.inner_ticks(*view))
+        axis.set_tick_params(labelrotation=45)
+        axis.set_label_text(label(name).replace(" (", "\n("))

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.observations import Observations, Quantity
-from reflectance_fit.plot.series import Panel, Series
+from reflectance_fit.plot.series import Panel
 from reflectance_fit.plot.style import thin
 from reflectance_fit.priors import NUISANCES
 from reflectance_fit.result import Fit
 
 FloatArray = NDArray[np.float64]
 
-DRAWS = 300
-POINTS = 241
+DRAWS = 200
+POINTS = 181
 BAND = (2.5, 16.0, 84.0, 97.5)
 
 
@@ -66,19 +66,24 @@ class Model:
         """The optimum's gain of each row, 1 where the value is absolute."""
         return np.array([self._fit.optimum.gains.get(str(group), 1.0) for group in rows.gain_group])
 
-    def curve(self, panel: Panel, series: Series) -> Curve:
-        """The curve through one series, signals divided by their gain."""
+    def curves(self, panel: Panel) -> list[Curve]:
+        """The curve through each series of a panel, signals divided by their gain."""
         observations = self._fit.observations
-        measured = getattr(observations, panel.abscissa)[series.rows]
-        x = self._grid(panel.abscissa, measured)
-        nearest = series.rows[np.argmin(np.abs(x[:, None] - measured), axis=1)]
-        scanned: Any = {panel.abscissa: x}
-        rows = replace(observations.select(nearest), **scanned)
+        abscissas, nearest = [], []
+        for series in panel.series:
+            measured = getattr(observations, panel.abscissa)[series.rows]
+            x = self._grid(panel.abscissa, measured)
+            abscissas.append(x)
+            nearest.append(series.rows[np.argmin(np.abs(x[:, None] - measured), axis=1)])
+        scanned: Any = {panel.abscissa: np.concatenate(abscissas)}
+        rows = replace(observations.select(np.concatenate(nearest)), **scanned)
         values = self._predict(rows, self._eta, self._k, self._nuisances) / self.gain(rows)
-        best = values[0]
         if panel.kind == Quantity.DELTA_DEG:
-            values = best + turn(values - best)
-        return Curve(x, best, np.percentile(values[1:], BAND, axis=0))
+            values = values[0] + turn(values - values[0])
+        band = np.percentile(values[1:], BAND, axis=0)
+        ends = np.cumsum([len(x) for x in abscissas])[:-1]
+        each = abscissas, np.split(values[0], ends), np.split(band, ends, axis=1)
+        return [Curve(*parts) for parts in zip(*each, strict=True)]
 
     def _grid(self, abscissa: str, measured: FloatArray) -> FloatArray:
         if abscissa != "theta_deg":

@@ -27,12 +27,17 @@ MOST_CHANNELS = 12
 
 @contextmanager
 def _collecting_later() -> Iterator[None]:
-    """No garbage collection while a picture is drawn: matplotlib makes so many objects that it takes a fifth."""
+    """No garbage collection while a picture is drawn, and after it only of what the picture left.
+
+    matplotlib makes so many objects that collecting takes a fifth of the time,
+    most of it spent on objects that were there before.
+    """
     enabled = gc.isenabled()
     gc.disable()
     try:
         yield
     finally:
+        gc.collect(0)
         if enabled:
             gc.enable()
 

@@ -13,11 +13,9 @@ from matplotlib.ticker import MultipleLocator
 from reflectance_fit.observations import Quantity
 from reflectance_fit.plot import style
 from reflectance_fit.plot.curve import Curve, FloatArray, Model, Predict, turn
-from reflectance_fit.plot.series import ABSCISSAS, Panel, Series, panels
+from reflectance_fit.plot.series import ABSCISSAS, LEGEND_ENTRIES, Panel, Series, panels
 from reflectance_fit.plot.text import subject, with_error
 from reflectance_fit.result import Fit
-
-LEGEND_ENTRIES = 8
 
 
 @style.styled
@@ -37,8 +35,8 @@ def draw_fit(fit: Fit, predict: Predict) -> Figure:
     y, sigma = _measured(fit, model)
     for number, (ax, panel) in enumerate(zip(axes[:, 0], shown, strict=True)):
         _limits(ax, fit, panel, y, sigma)
-        for series in panel.series:
-            _curve(ax, panel, series, model.curve(panel, series))
+        for series, curve in zip(panel.series, model.curves(panel), strict=True):
+            _curve(ax, panel, series, curve)
             _points(ax, fit, panel, series, y, sigma)
         if panel.abscissa == "theta_deg":
             _brewster(ax, fit, named=number == 0)

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import os
 from contextlib import suppress
-from io import BytesIO
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.materials.loader import Formula, OpticalConstants, Table
-from reflectance_fit.plot.style import PNG_DPI, QUIET, K, S, grid, heading, styled
+from reflectance_fit.plot.canvas import png_and_svg
+from reflectance_fit.plot.style import QUIET, K, S, grid, heading, styled
 from reflectance_fit.plot.text import printable
 
-_FORMATS: dict[str, dict[str, Any]] = {
-    ".png": {"dpi": PNG_DPI, "metadata": {"Software": None}},
-    ".svg": {"metadata": {"Date": None, "Creator": None}},
-}
+_ENDINGS = (".png", ".svg")
 # Tables from X-rays to the far infrared would squeeze the optical range into one stroke.
 _OPTICAL_NM = (200.0, 2500.0)
 
@@ -33,7 +29,7 @@ def plot_optical_constants(constants: OpticalConstants, path: Path) -> None:
     Raises ReflectanceFitError for a file name that does not end in .png or .svg,
     or a folder that cannot be written to.
     """
-    if path.suffix.lower() not in _FORMATS:
+    if path.suffix.lower() not in _ENDINGS:
         raise ReflectanceFitError(Problem(str(path), None, "choose a name that ends in .png or .svg"))
     low, high = constants.range_nm
     if low <= _OPTICAL_NM[1] and high >= _OPTICAL_NM[0]:
@@ -66,11 +62,10 @@ def plot_optical_constants(constants: OpticalConstants, path: Path) -> None:
         ax.margins(x=0.02)
     axes[-1, 0].set_xlabel("wavelength (nm)")
 
-    picture = BytesIO()
-    figure.savefig(picture, format=path.suffix[1:].lower(), **_FORMATS[path.suffix.lower()])
+    picture = png_and_svg(figure)[path.suffix[1:].lower()]
     unfinished = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        unfinished.write_bytes(picture.getvalue())
+        unfinished.write_bytes(picture)
         os.replace(unfinished, path)
     except OSError as error:
         raise ReflectanceFitError(

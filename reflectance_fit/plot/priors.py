@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from reflectance_fit.plot import style
@@ -15,6 +14,7 @@ from reflectance_fit.priors import Prior
 from reflectance_fit.result import Fit
 
 BARS = 40
+MOST_COLUMNS = 3
 
 
 @style.styled
@@ -27,14 +27,14 @@ def draw_prior_posterior(fit: Fit) -> Figure:
     draws = {name: fit.posterior.flat(name) for name in varied(fit.posterior)}
     if fit.k_posterior is not None:
         draws["k"] = fit.k_posterior.flat("k")
-    columns = min(3, len(draws))
-    rows = -(-len(draws) // columns)
+    rows = -(-len(draws) // MOST_COLUMNS)
+    columns = -(-len(draws) // rows)
     figure, axes = style.grid(
         rows,
         columns,
         panel_height=1.7,
         width=max(4.2, 2.3 * columns),
-        left=0.35,
+        left=0.4,
         gap=(0.62, 0.3),
         top=0.62,
     )
@@ -59,11 +59,12 @@ def draw_prior_posterior(fit: Fit) -> Figure:
 
 def _panel(ax: Axes, values: NDArray[np.float64], prior: Prior | None) -> None:
     low, high = np.percentile(values, (0.1, 99.9))
-    ax.hist(
-        values,
-        BARS,
-        range=(low, high),
-        density=True,
+    density, edges = np.histogram(values, BARS, range=(low, high), density=True)
+    # One outline: forty bars would be forty artists.
+    ax.fill_between(
+        edges,
+        np.append(density, density[-1]),
+        step="post",
         color=style.POSTERIOR,
         alpha=0.45,
         linewidth=0,
@@ -77,7 +78,7 @@ def _panel(ax: Axes, values: NDArray[np.float64], prior: Prior | None) -> None:
     ax.set_xlim(*view)
     ax.set_ylim(bottom=0)
     ax.set_yticks([])
-    ax.xaxis.set_major_locator(MaxNLocator(4))
+    ax.set_xticks(style.inner_ticks(*view))
     ax.grid(visible=False)
     ax.spines["left"].set_visible(False)
 

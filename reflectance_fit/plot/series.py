@@ -27,6 +27,8 @@ _RATIOS = {
     Quantity.DELTA_DEG: "Δ (deg)",
 }
 _MARKERS = "osD^vP"
+# More than these are no longer told apart by a legend.
+LEGEND_ENTRIES = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,8 +106,9 @@ def _series(observations: Observations, rows: IntArray, abscissa: str) -> list[S
             name += f", {printable(str(observations.set[row]), 16)}"
         turn = len(result) / max(1, member.max())
         colour = _colour(observations, row) if abscissa == "theta_deg" else to_hex(_shade(turn))
-        twins = sum(other.colour == colour for other in result)
-        result.append(Series(mine, name, colour, _MARKERS[twins % len(_MARKERS)]))
+        # Colour alone does not tell six settings apart; a scan's many shades need no second sign.
+        marker = _MARKERS[len(result) % len(_MARKERS)] if abscissa == "theta_deg" else _MARKERS[0]
+        result.append(Series(mine, name, colour, marker))
     return result
 
 
@@ -148,7 +151,17 @@ def _colour(observations: Observations, row: int) -> str:
     analyzer = observations.analyzer_deg[row]
     if quantity != Quantity.SIGNAL or not np.isfinite(analyzer):
         return style.OTHER
-    # Rounded, so that 45 and 135 degrees are one colour and get two markers.
-    share = round(float(np.sin(np.radians(analyzer)) ** 2), 6)
-    red, green, blue = (1 - share) * np.array(to_rgb(style.S)) + share * np.array(to_rgb(style.P))
+    share = np.sin(np.radians(analyzer)) ** 2
+    mixed = _mix(np.array(to_rgb(style.S)), style.P, share)
+    # As much of p on the other side of s, or behind a retarder, is another curve.
+    slant = np.sin(np.radians(2 * analyzer))
+    if np.isfinite(observations.retarder_deg[row]):
+        mixed = _mix(mixed, style.K if slant > 0 else style.ENSEMBLES[1], 0.7 * abs(slant))
+    elif slant < 0:
+        mixed = _mix(mixed, style.OTHER, 0.7 * abs(slant))
+    red, green, blue = mixed
     return to_hex((red, green, blue))
+
+
+def _mix(rgb: NDArray[np.float64], other: str, share: float) -> NDArray[np.float64]:
+    return (1 - share) * rgb + share * np.array(to_rgb(other))

@@ -38,7 +38,6 @@ def draw_spectrum(fits: Sequence[Fit]) -> Figure:
         bbox_to_anchor=(1.0, 1.03),
         ncols=3,
     )
-    figure.align_ylabels()
     return figure
 
 

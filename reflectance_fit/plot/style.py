@@ -9,16 +9,17 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from functools import wraps
-from io import BytesIO
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
+
+from reflectance_fit.plot.canvas import png_and_svg
 
 # Okabe and Ito's palette, told apart by every kind of colour vision.
 S = "#0072B2"
@@ -65,7 +66,7 @@ RC: Any = {
     "errorbar.capsize": 0.0,
     "figure.facecolor": "white",
     "savefig.facecolor": "white",
-    "figure.dpi": 100.0,
+    "figure.dpi": PNG_DPI,
     "svg.hashsalt": "reflectance_fit",
     "svg.fonttype": "path",
     # Names come from files: "$" is a character here, never the start of a formula.
@@ -107,13 +108,13 @@ def grid(
 ) -> tuple[Figure, NDArray[Any]]:
     """A figure and its axes, shape (rows, columns); lengths and gaps (down, across) in inches.
 
-    Margins are stated because measuring the text to find them costs more than the drawing.
+    Margins and the places of labels are stated because measuring the text to find them costs more than
+    the drawing; it also keeps the labels of a column in line.
     """
     height = rows * panel_height + (rows - 1) * gap[0] + bottom + top
     panel_width = (width - left - right - (columns - 1) * gap[1]) / columns
     figure = Figure(figsize=(width, height))
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(
+    axes: NDArray[Any] = figure.subplots(
         rows,
         columns,
         squeeze=False,
@@ -129,7 +130,26 @@ def grid(
             "width_ratios": width_ratios,
         },
     )
+    for ax in axes.flat:
+        place_labels(ax, left if ax in axes[:, 0] else 0.5)
     return figure, axes
+
+
+def place_labels(ax: Axes, left: float) -> None:
+    """Fix where the axis labels stand; ``left``: inches from the axes to what limits them there."""
+    box = ax.get_window_extent()
+    width, height = box.width / ax.figure.dpi, box.height / ax.figure.dpi
+    ax.xaxis.set_label_coords(0.5, -0.27 / height)
+    ax.yaxis.set_label_coords((0.1 - left) / width, 0.5)
+    ax.yaxis.label.set_verticalalignment("top")
+
+
+def inner_ticks(low: float, high: float) -> NDArray[np.float64]:
+    """At most three round numbers, none so near an end that its label would run into the neighbour's."""
+    room = 0.12 * (high - low)
+    ticks: NDArray[np.float64] = np.asarray(MaxNLocator(4).tick_values(low, high))
+    inner = ticks[(ticks > low + room) & (ticks < high - room)]
+    return inner if len(inner) <= 3 else inner[::2]
 
 
 def heading(figure: Figure, text: str) -> None:
@@ -148,18 +168,12 @@ def side_legend(ax: Axes, **options: Any) -> None:
 @styled
 def save(figure: Figure, folder: Path, name: str) -> list[Path]:
     """Write ``name.png`` and ``name.svg``, each whole or not at all; returns their paths."""
-    formats: dict[str, dict[str, Any]] = {
-        "png": {"dpi": PNG_DPI, "metadata": {"Software": None}},
-        "svg": {"dpi": PNG_DPI, "metadata": {"Date": None, "Creator": None}},
-    }
     paths = []
-    for kind, options in formats.items():
-        picture = BytesIO()
-        figure.savefig(picture, format=kind, **options)
+    for kind, picture in png_and_svg(figure).items():
         path = folder / f"{name}.{kind}"
         unfinished = folder / f".{name}.{kind}.{os.getpid()}"
         try:
-            unfinished.write_bytes(picture.getvalue())
+            unfinished.write_bytes(picture)
             os.replace(unfinished, path)
         finally:
             unfinished.unlink(missing_ok=True)
