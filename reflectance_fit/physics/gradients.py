@@ -91,7 +91,7 @@ def reflectance_gradients(cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike =
     s2, modulus = 1.0 - c2, eta2 + k2
     real, imag = eta2 - k2, 2.0 * eta * k
     q, brewster, twice = real - s2, real * c2 - s2, real - 2.0 * s2
-    matched = (1.0 - real).high
+    matched, halfway = (1.0 - real).high, (1.0 - 2.0 * c2).high
     stationary = modulus * c2 - s2 * (real / modulus)
 
     w = np.sqrt(q.high + 1j * imag)
@@ -106,11 +106,14 @@ def reflectance_gradients(cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike =
     across = 2.0 * s2.high * eta * v / (modulus_w + modulus.high + s2.high)
     common = 4.0 * c * ((eta * u + k * v) / h - 1j * (across / h))
     by_n_s = common * ((matched + 1j * imag) / d) / d
-    # (eps - 2 s^2)(conj(eps) - 1)
-    product = (
-        imag / e * (imag / d) - twice.high / e * (matched / d) + 1j * (imag / e * ((1.0 - 2.0 * c2).high / d))
+    # (eps - 2 s^2)(conj(eps) - 1)(conj(eps) c^2 - s^2); the imaginary part is a sum of squares.
+    t_real = (imag / e * (imag / d) - twice.high / e * (matched / d)) * (brewster.high / e)
+    t_real += imag / e * (halfway / d) * (imag * c2.high / e)
+    third = c * (modulus - 2.0 * s2).high
+    squares = third / d * (third / e) + s2.high * (
+        8.0 * (c * k / d) * (c * k / e) + halfway / d * (halfway / e)
     )
-    by_n_p = common * product * ((brewster.high - 1j * imag * c2.high) / e) / d
+    by_n_p = common * (t_real - 1j * (imag / e * squares)) / d
 
     reflectance_s = (((eta - 1.0) / d) ** 2 + (k / d) ** 2) * ((eta + 1.0) ** 2 + k**2)
     scale = 4.0 * np.sqrt(s2.high) * reflectance_s
