@@ -140,7 +140,7 @@ def principal_angles(eta: ArrayLike, k: ArrayLike = 0.0) -> Floats:
     Examples
     --------
     >>> print(np.round(np.degrees(principal_angles(0.3)), 2))
-    [16.7  17.8  43.6 ]
+    [16.7  18.57 41.76]
     """
     eta, k = np.broadcast_arrays(*checked_index(eta, k))
     angles: Floats = np.arctan(np.hypot(eta, k)[..., np.newaxis] / np.sqrt(principal_roots(eta, k)))

@@ -57,7 +57,8 @@ def _meeting_roots(eta: Floats, k: Floats) -> Floats:
 
     In y = 1 - z, y^3 - (1 + S) y^2 + 2 S y - q = 0: its coefficients keep the digits of a tiny index.
     Two roots meet where the discriminant vanishes, and the roots vary with its square root; so the
-    discriminant is formed as a pair, and the distance of the roots has all its digits.
+    discriminant is formed as a pair, and the distance of the roots has all its digits.  27/4 of it is
+    p^3 - r^2, which keeps them where all three roots meet (p = r = 0) but not for a tiny index (p = r = 1).
     """
     k2 = square(k)
     modulus = square(eta) + k2
@@ -68,7 +69,8 @@ def _meeting_roots(eta: Floats, k: Floats) -> Floats:
     p = (s - 4.0) * s + 1.0
     r = (b * b - 9.0 * s) * b + 13.5 * q
     discriminant = 4.0 * (s * s * (b * b - 8.0 * s) + b * (9.0 * s - b * b) * q) - 27.0 * q * q
-    t = _depressed_roots(p.high, r.high, 6.75 * discriminant.high)
+    spread = np.where(s.high < 0.1, 6.75 * discriminant.high, (p * p * p - r * r).high)
+    t = _depressed_roots(p.high, r.high, spread)
     z = ((2.0 - s.high)[..., np.newaxis] - t) / 3.0
     # The smallest root is near |eps| for a small index, where 1 - y keeps no digits.  Newton climbs to it
     # from |eps|: f < 0 there, |eps| is below the root (the product of all is |eps| and none exceeds 1),

@@ -6,6 +6,7 @@ solver that takes the wrong one is caught only by looking for the minimum itself
 
 import time
 
+import mpmath
 import numpy as np
 import pytest
 from hypothesis import given
@@ -14,7 +15,9 @@ from hypothesis import strategies as st
 from reflectance_fit.physics.brewster import (
     brewster_angle,
     critical_angle,
+    critical_glancing_angle,
     principal_angle,
+    principal_angles,
     second_brewster_angle,
 )
 from reflectance_fit.physics.ellipsometry import amplitude_ratio
@@ -40,11 +43,113 @@ def test_published_values(eta, k, expected_deg):
     assert np.degrees([f(eta, k) for f in ANGLES]) == pytest.approx(expected_deg, abs=0.0105)
 
 
-@pytest.mark.parametrize("angle", ANGLES)
+def smallest_principal_angle(eta, k=0.0):
+    return principal_angles(eta, k)[..., 0]
+
+
+@pytest.mark.parametrize("angle", [brewster_angle, second_brewster_angle, smallest_principal_angle])
 @given(eta=st.floats(1e-3, 1e3))
 def test_transparent_media_have_one_brewster_angle(angle, eta):
     assert angle(eta) == pytest.approx(np.arctan(eta), rel=1e-15)
     assert angle(1.0) == pytest.approx(np.pi / 4, rel=1e-15)
+
+
+def test_total_reflection_has_principal_angles_of_its_own():
+    """Born & Wolf, 1.5.4: its Delta reaches 90 degrees for eta = sqrt(2) - 1, and twice below."""
+    touching = np.sqrt(2) - 1
+    assert np.count_nonzero(np.isnan(principal_angles([touching + 1e-12, 0.6, 1.5]))) == 6
+    eta = np.array([0.2, 0.25, 0.3, touching - 1e-12])
+    found = principal_angles(eta)
+    assert found[:, 0] == pytest.approx(np.arctan(eta), rel=1e-15)
+    assert np.all(found[:, 1] > critical_angle(eta))
+    rho = amplitude_ratio(np.cos(found[:, 1:]), eta[:, np.newaxis])
+    assert rho.real == pytest.approx(0.0, abs=1e-13)
+    assert rho.imag == pytest.approx(-1.0, abs=1e-13)
+    # Both meet where sin^2 = 2 eta^2 / (1 + eta^2), the angle of the largest delta.
+    met = principal_angles(touching - 1e-14)[1:]
+    assert met == pytest.approx(np.arcsin(np.sqrt(2 * touching**2 / (1 + touching**2))), abs=1e-6)
+    assert principal_angle(eta) == pytest.approx(found[:, 2], rel=0)
+
+
+@pytest.mark.parametrize("eta", [1e-6, 0.1, 0.3, 0.4, 0.5, 1.0, 2.0])
+def test_principal_angles_are_continuous_down_to_k_0(eta):
+    assert principal_angles(eta, [1e-300, 1e-100, 1e-40]) == pytest.approx(
+        np.broadcast_to(principal_angles(eta), (3, 3)), abs=1e-14, nan_ok=True
+    )
+
+
+def meeting_indices():
+    """Close to where two principal angles meet: transparent, and towards the point where all three do."""
+    touching = np.sqrt(2) - 1
+    yield from ((touching * (1 - d), 0.0) for d in (1e-3, 1e-8, 1e-12, 1e-15))
+    # z = 1/sqrt(3) three times: |eps| = 3^(-3/2), 4 sin^2(arg / 2) = 2 - sqrt(3) - |eps|.
+    modulus = 3**-1.5
+    q = 2 - np.sqrt(3) - modulus
+    eta, k = np.sqrt(modulus * (1 - q / 4)), np.sqrt(modulus * q / 4)
+    for d in (0.0, 1e-12, 1e-8, 1e-4, 1e-2):
+        yield eta * (1 - d), k * (1 - d)
+        yield eta * (1 + d), k * (1 - 3 * d)
+        yield eta, k * (1 - d)
+        yield eta, k * (1 + d)
+
+
+def test_principal_angles_that_nearly_meet(oracle):
+    """Re(rho) changes its sign within 1e-12 of each, to 70 digits: a root off by the usual 1e-8 would show."""
+    counts = set()
+    for eta, k in meeting_indices():
+        found = principal_angles(eta, k)
+        found = found[~np.isnan(found)]
+        counts.add(len(found))
+        assert len(found) % 2 == 1
+        assert np.all(np.diff(found) >= 0)
+        edges = [0.01, *(found[1:] + found[:-1]) / 2, 1.5]
+        with mpmath.workdps(oracle.DIGITS):
+            index = mpmath.mpc(float(eta), float(k))
+            sides = []
+            for root, low, high in zip(found, edges[:-1], edges[1:], strict=True):
+                # Not beyond the middle between two roots that are closer than that.
+                around = max(low, root - 1e-12), min(high, root + 1e-12)
+                x = [mpmath.log(mpmath.tan(mpmath.mpf(float(theta)))) for theta in around]
+                sides += [mpmath.sign(oracle.real_ratio(*oracle.amplitudes(point, index))) for point in x]
+        assert sides == [(-1) ** (1 + (i + 1) // 2) for i in range(len(sides))], (eta, k)
+    assert counts == {1, 3}
+
+
+def indices_to_search():
+    rng = np.random.default_rng(11)
+    for exponents_eta, exponents_k in [
+        ((-8, 8), (-300, -8)), ((-8, 8), (-8, 8)), ((-1.3, 1), (-4, 1)), ((-1, -0.35), (-5, -1)),
+    ]:  # fmt: skip
+        for _ in range(4):
+            yield 10.0 ** rng.uniform(*exponents_eta), 10.0 ** rng.uniform(*exponents_k)
+    yield from [
+        (1e-8, 0.0),
+        (1e8, 0.0),
+        (1e-8, 1e-300),
+        (1e8, 1e8),
+        (1e-8, 1e8),
+        (1.0, 1e-9),
+        (1 - 1e-12, 1e-14),
+    ]
+
+
+def test_against_a_search_in_70_digits(oracle):
+    for eta, k in indices_to_search():
+        search = oracle.Search(eta, k)
+        principal = [float(x) for x in search.zeros(oracle.real_ratio)]
+        padded = principal + [np.nan] * (3 - len(principal))
+        expected = [float(search.minimum(f)) for f in (oracle.power_p, oracle.power_ratio)]
+        found = [brewster_angle(eta, k), second_brewster_angle(eta, k)]
+        assert found == pytest.approx(expected, rel=0, abs=1e-14), (eta, k)
+        assert principal_angles(eta, k) == pytest.approx(padded, rel=0, abs=1e-14, nan_ok=True), (eta, k)
+
+
+def test_over_the_whole_domain():
+    index, extinction = np.meshgrid(
+        [1e-100, 1e-30, 0.3, 1.0, 1e30, 1e100], [0.0, 1e-300, 1e-30, 1.0, 1e30, 1e100]
+    )
+    for angle in ANGLES:
+        assert np.all((angle(index, extinction) > 0.0) & (angle(index, extinction) <= np.pi / 2))
 
 
 @pytest.mark.parametrize("angle", ANGLES)
@@ -117,6 +222,19 @@ def test_the_three_angles_are_in_order(eta, k):
     assert first <= second + 1e-12
     assert second <= third + 1e-12
     assert first <= np.arctan(abs(eta + 1j * k)) + 1e-12
+
+
+def test_critical_glancing_angle_keeps_its_digits():
+    delta = np.array([1e-30, 1e-16, 7.58e-6, 0.1, 0.999])
+    with mpmath.workdps(50):
+        exact = [float(mpmath.acos(1 - mpmath.mpf(float(d)))) for d in delta]
+    assert critical_glancing_angle(delta) == pytest.approx(exact, rel=5e-16)
+    assert critical_glancing_angle(0.25) == pytest.approx(np.pi / 2 - critical_angle(0.75), rel=1e-15)
+    assert np.all(np.isnan(critical_glancing_angle([0.0, -0.5])))
+    with pytest.raises(ValueError, match="1 - eta"):
+        critical_glancing_angle([0.5, 1.0])
+    with pytest.raises(ValueError, match="1 - eta"):
+        critical_glancing_angle(np.nan)
 
 
 def test_critical_angle_exists_only_from_the_denser_side():

@@ -76,9 +76,9 @@ class Search:
                     known.append((x, self._at(quantity, x)))
             known.sort()
             found = [
-                _bisected(lambda x, was=a: self._at(quantity, x) * was > 0, low, high)
+                _bisected(lambda x, was=a > 0: (self._at(quantity, x) > 0) == was, low, high)
                 for (low, a), (high, b) in pairwise(known)
-                if a * b < 0
+                if (a > 0) != (b > 0)
             ]
             return [mpmath.atan(mpmath.exp(x)) for x in found]
 
