@@ -91,8 +91,5 @@ def _depressed_roots(p: Floats, r: Floats, spread: Floats) -> Floats:
     amplitude = 2.0 * np.sqrt(np.maximum(p, 0.0))
     three = [amplitude * np.cos(alpha + shift) for shift in (2.0 * np.pi / 3.0, -2.0 * np.pi / 3.0, 0.0)]
     cube = np.cbrt(r + np.copysign(root, r))
-    other = p / np.where(cube == 0.0, 1.0, cube)
-    # The two cube roots add up without cancellation: for p < 0 through the sum of their cubes, 2 r.
-    opposite = np.where(p < 0.0, cube**2 - p + other**2, 1.0)
-    one = np.where(p < 0.0, 2.0 * r / opposite, cube + other)
+    one = cube + p / np.where(cube == 0.0, 1.0, cube)
     return np.where((spread >= 0.0)[..., np.newaxis], np.stack(three, axis=-1), _alone(one))

@@ -78,6 +78,13 @@ def test_principal_angles_are_continuous_down_to_k_0(eta):
     )
 
 
+@pytest.mark.parametrize("eta", [1e-12, 1e-8, 1e-5, 1e-3])
+def test_how_many_principal_angles_a_tiny_index_has(eta):
+    """Two of three meet where S^2 = q to leading order in eta, at k = eta^3 / 2."""
+    found = principal_angles(eta, eta**3 / 2 * np.array([0.999, 1.001]))
+    assert list(np.count_nonzero(np.isnan(found), axis=-1)) == [0, 2]
+
+
 def meeting_indices():
     """Close to where two principal angles meet: transparent, and towards the point where all three do."""
     touching = np.sqrt(2) - 1

@@ -59,6 +59,8 @@ def test_the_root_of_zero_and_of_a_tiny_number():
     tiny = pair([0.0, 5e-324, 1e-300, 4e-280]).sqrt()
     assert tiny.high == pytest.approx([0.0, np.sqrt(5e-324), 1e-150, 2e-140], rel=1e-15)
     assert np.all(np.abs(tiny.low) <= np.spacing(tiny.high))
+    subnormal = np.geomspace(5e-324, 1e-285, 2000)
+    assert (pair(subnormal).sqrt()).high == pytest.approx(np.sqrt(subnormal), rel=1e-15)
 
 
 @given(a=pairs(), b=pairs())

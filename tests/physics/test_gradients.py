@@ -18,6 +18,7 @@ def spread(low, high):
     return 10.0 ** RNG.uniform(low, high, N)
 
 
+BREWSTER, CRITICAL = spread(-1.0, 1.0), spread(-2.0, -0.1)
 REGIMES = {
     "dielectric": (UNIFORM, spread(-1.3, 1.3), np.zeros(N)),
     "conductor": (UNIFORM, spread(-1.3, 1.3), spread(-12, 1.3)),
@@ -26,8 +27,10 @@ REGIMES = {
     "near matched": (UNIFORM, 1.0 + spread(-15, -2), spread(-12, -2)),
     "lossless metal": (UNIFORM, spread(-8, -3), spread(-1, 1)),
     "beyond the critical angle": (RNG.uniform(0.0, 0.5, N), RNG.uniform(0.05, 0.8, N), np.zeros(N)),
-    # eta = sin(theta) to rounding; the derivatives are large and k decides between them.
-    "critical angle, weak k": (np.sqrt(1.0 - spread(-2, -0.1) ** 2), spread(-2, -0.1), spread(-12, -6)),
+    # Here R_p and its derivatives by theta and eta are next to nothing, but not nothing: cos is rounded.
+    "Brewster's angle": (np.cos(np.arctan(BREWSTER)), BREWSTER, np.zeros(N)),
+    # Here the derivatives are large, and k decides between the two sides.
+    "critical angle, weak k": (np.sqrt((1.0 - CRITICAL) * (1.0 + CRITICAL)), CRITICAL, spread(-20, -6)),
 }
 
 
