@@ -17,8 +17,6 @@ Floats = NDArray[np.float64]
 
 # Veltkamp: multiplying by 2^27 + 1 splits 53 bits into two halves whose products are exact.
 _SPLITTER = 134217729.0
-# Below this square the low word of a square root would come from subnormal numbers.
-_SMALLEST_SQUARE = 1e-280
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,9 +70,8 @@ class Pair:
         """The root of a pair that is not negative."""
         root = np.sqrt(self.high)
         # One step of Newton's method from a root that is right to half an ulp.
-        large = self.high > _SMALLEST_SQUARE
-        divisor = np.where(large, 2.0 * root, 1.0)
-        return Pair(*_fast_two_sum(root, np.where(large, (self - square(root)).high / divisor, 0.0)))
+        correction = (self - square(root)).high / np.where(root > 0.0, 2.0 * root, 1.0)
+        return Pair(*_fast_two_sum(root, correction))
 
 
 def pair(value: Pair | ArrayLike) -> Pair:
