@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reflectance_fit.physics.domain import checked_index
+from reflectance_fit.physics.principal import principal_roots
 
 Floats = NDArray[np.float64]
 
@@ -80,61 +81,110 @@ def second_brewster_angle(eta: ArrayLike, k: ArrayLike = 0.0) -> Floats:
     theta_far = np.minimum(_angle(eta, k, start) + _SECOND_BREWSTER_REACH, np.pi / 2)
     far = modulus / np.tan(theta_far) ** 2
     phase = ((eta + 1j * k) / np.hypot(eta, k)) ** 2
+    scale = 1.0 / np.maximum(modulus, 1.0)
 
     def falls(z: Floats) -> NDArray[np.bool_]:
         # t = x (e x + e - 1); 1 - t = (1 + x)(1 - e x), and the real 1 + x > 0 drops out.
         ex = z * phase
         bracket = ex + (modulus * phase - 1.0)
-        slope: Floats = ((ex + bracket) * np.conj(np.sqrt(bracket) * (1.0 - ex))).real
+        slope: Floats = ((ex + bracket) * scale * np.conj(np.sqrt(bracket) * (1.0 - ex))).real
         return slope < 0.0
 
     return _angle(eta, k, _bisect(falls, start, far))
 
 
 def principal_angle(eta: ArrayLike, k: ArrayLike = 0.0) -> Floats:
-    """Largest angle where Delta = 90 degrees; arctan(eta) for k = 0.  Arguments as for `brewster_angle`.
+    """Largest angle where Delta = 90 degrees: the last of `principal_angles`, whose arguments it takes.
 
-    Where |eta + ik| is below 0.44 there can be three such angles (Azzam, J. Opt. Soc.
-    Am. A 25 (2008) 2858), and for a tiny k the largest may belong to total reflection.
-
-    Notes
-    -----
-    rho = +-(1 - z)/(1 + z) is imaginary where |z| = 1: u^4 = |e - u|^2 (1 - u)^2 with
-    u = sin^2(theta), a cubic after division by its trivial factor.
+    arctan(eta) for k = 0 and eta > 0.415; below that, total reflection has the largest.
 
     Examples
     --------
     >>> print(f"{np.degrees(principal_angle(0.183, 3.43)):.2f}")
     74.86
     """
+    result: Floats = np.nanmax(principal_angles(eta, k), axis=-1)
+    return result[()]
+
+
+def principal_angles(eta: ArrayLike, k: ArrayLike = 0.0) -> Floats:
+    """Every angle where Delta = 90 degrees: one, or three where |eta + ik| is small.
+
+    Parameters
+    ----------
+    eta, k : float, shape S
+        Index of the far medium relative to the near one, eta + ik.
+
+    Returns
+    -------
+    float, shape (*S, 3)
+        Radians in (0, pi/2), ascending; NaN for the two that do not exist.  A
+        double root is listed twice.
+
+    Raises
+    ------
+    ValueError
+        If eta is not positive or k is negative.
+
+    Notes
+    -----
+    Azzam, J. Opt. Soc. Am. A 25 (2008) 2858.  Three only where |eta + ik| < 0.4388.
+
+    For k = 0 the first is Brewster's angle, where Delta jumps from 180 to 0
+    degrees and r_p is 0: it is listed because every k > 0, however small, has a
+    root in that place.  The other two are total reflection's own, which passes
+    90 degrees twice for eta < sqrt(2) - 1 (Born & Wolf, 7th ed., 1.5.4).  So the
+    angles change continuously with k, down to k = 0.  For eta + ik = 1 it is 45
+    degrees, the limit.
+
+    Examples
+    --------
+    >>> print(np.round(np.degrees(principal_angles(0.3)), 2))
+    [16.7  18.57 41.76]
+    """
     eta, k = np.broadcast_arrays(*checked_index(eta, k))
-    modulus, sin2 = _scaled(eta, k)
-    q = 4.0 * sin2
-    total = modulus + q
-
-    def cubic(y: Floats) -> Floats:
-        return ((y - (1.0 + total)) * y + 2.0 * total) * y - q
-
-    # cubic(0) = -q <= 0 and cubic(1) = modulus > 0.  It turns inside (0, 1) only for total < 2 - sqrt(3);
-    # from its lower turning point on it grows, so a sign change beyond that point is the largest root.
-    turns = total < 2.0 - np.sqrt(3.0)
-    discriminant = np.maximum((total - 4.0) * total + 1.0, 0.0)
-    turn = np.where(turns, (1.0 + total + np.sqrt(discriminant)) / 3.0, 0.0)
-    beyond = cubic(turn) <= 0.0
-    low, high = np.where(beyond, turn, 0.0), np.where(beyond, 1.0, turn)
-    z = 1.0 - _bisect(lambda y: cubic(y) <= 0.0, low, high)
-    # A small index has z near modulus, of which 1 - y keeps no digits; the cubic in z is nearly linear there.
-    square = modulus - 2.0 + q
-    for _ in range(2):
-        value = ((z + square) * z + 1.0) * z - modulus
-        z = np.where(modulus < 0.1, z - value / ((3.0 * z + 2.0 * square) * z + 1.0), z)
-    return _angle(eta, k, np.where(k == 0.0, 1.0, z))
+    angles: Floats = np.arctan(np.hypot(eta, k)[..., np.newaxis] / np.sqrt(principal_roots(eta, k)))
+    return angles
 
 
 def critical_angle(eta: ArrayLike) -> Floats:
     """Critical angle arcsin(eta) of total reflection in radians, shape S; NaN where eta >= 1 has none."""
     eta, _ = checked_index(eta)
     result: Floats = np.arcsin(np.where(eta < 1.0, eta, np.nan))
+    return result[()]
+
+
+def critical_glancing_angle(delta: ArrayLike) -> Floats:
+    """What the critical angle lacks to 90 degrees, for the index eta = 1 - delta of a nearly matched medium.
+
+    Parameters
+    ----------
+    delta : float, shape S
+        1 - eta as tables of X-ray optics state it, below 1.
+
+    Returns
+    -------
+    float, shape S
+        Radians; arccos(1 - delta), about sqrt(2 delta), with all its digits
+        however small delta is.  NaN where delta <= 0 has no total reflection.
+
+    Raises
+    ------
+    ValueError
+        If delta is not below 1.
+
+    Examples
+    --------
+    Silicon at 8048 eV, delta = 7.58e-6 (without absorption):
+
+    >>> print(f"{np.degrees(critical_glancing_angle(7.58e-6)):.3f}")
+    0.223
+    """
+    delta = np.asarray(delta, dtype=np.float64)
+    if not np.all(delta < 1.0):
+        raise ValueError("delta must be below 1: it is 1 - eta, and eta is positive")
+    # 1 - cos(a) = 2 sin^2(a / 2)
+    result: Floats = 2.0 * np.arcsin(np.sqrt(np.where(delta > 0.0, delta, np.nan) / 2.0))
     return result[()]
 
 
@@ -153,7 +203,7 @@ def _pseudo_brewster_shift(modulus: Floats, sin2: Floats) -> Floats:
     """
     # Without y^3 it is a quadratic whose root lies above; from there Newton descends to the root of the
     # convex cubic without overshooting, and quadratically: y <= 1 makes y^3 at most a third of 3 y^2.
-    y = 4.0 * sin2 / (modulus + np.sqrt(modulus**2 + 4.0 * sin2 * (3.0 + modulus)))
+    y = 4.0 * sin2 / (modulus + np.hypot(modulus, 2.0 * np.sqrt(sin2 * (3.0 + modulus))))
     for _ in range(_NEWTON_STEPS):
         value = ((y + 3.0 + modulus) * y + 2.0 * modulus) * y - 4.0 * sin2
         slope = (3.0 * y + 2.0 * (3.0 + modulus)) * y + 2.0 * modulus

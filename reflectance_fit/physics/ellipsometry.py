@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reflectance_fit.physics.domain import checked_cosine, checked_index
-from reflectance_fit.physics.fresnel import rho_parts
-from reflectance_fit.physics.snell import normal_component
+from reflectance_fit.physics.exact import Pair, pair, square
 
 Floats = NDArray[np.float64]
 
@@ -30,14 +29,31 @@ def amplitude_ratio(cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0) 
     ------
     ValueError
         If cos_theta_i is outside [0, 1], eta is not positive, or k is negative.
+
+    Notes
+    -----
+    rho = (s^2 - wc) / (s^2 + wc), w^2 = eps - s^2: Azzam & Bashara, Ellipsometry and Polarized Light (1977),
+    4.2, in our signs (see `index_from_rho`).  Real and imaginary part each to a few ulp, at every angle.
     """
     c = checked_cosine(cos_theta_i)
     eta, k = checked_index(eta, k)
-    s2 = (1.0 - c) * (1.0 + c)
-    u, v, _ = normal_component(c, s2, eta, k)
-    numerator, denominator = rho_parts(c, s2, eta, k, np.asarray(u + 1j * v, dtype=np.complex128))
-    rho: NDArray[np.complex128] = (numerator / denominator) / denominator
-    return rho[()]
+    c2 = square(c)
+    s2 = 1.0 - c2
+    # w^2 = (eta + ik)^2 - s^2, whose real part vanishes at the critical angle.
+    real, imag = square(eta) - square(k) - s2, 2.0 * pair(eta) * k
+    w = np.sqrt(real.high + 1j * imag.high)
+    modulus = np.hypot(real.high, imag.high)
+    # |s^2 + wc|^2: zero nowhere, because Re w >= 0, and at normal incidence w = eta + ik.
+    denominator = (s2.high + w.real * c) ** 2 + (w.imag * c) ** 2
+    # s^4 - |w|^2 c^2 vanishes at Brewster's and at the principal angles; near them it comes from s^8 - |w|^4 c^4.
+    s4 = s2 * s2
+    total, difference = s4.high + modulus * c2.high, s4.high - modulus * c2.high
+    near = np.abs(difference) < 0.5 * s4.high
+    real, imag = (Pair(*(np.where(near, x, 0.0) for x in (y.high, y.low))) for y in (real * c2, imag * c2))
+    exact = (s4 * s4 - real * real - imag * imag).high
+    difference = np.where(near, exact / np.where(near, total, 1.0), difference)
+    rho = (difference - 2j * s2.high * w.imag * c) / denominator
+    return np.asarray(rho, dtype=np.complex128)[()]
 
 
 def rho_from_psi_delta(psi: ArrayLike, delta: ArrayLike) -> NDArray[np.complex128]:

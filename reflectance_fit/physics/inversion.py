@@ -2,6 +2,10 @@
 
 One power at one angle gives one equation: eta with k known, or k with eta
 known.  The complex ratio rho gives both.
+
+What is returned is right to about an ulp for the reflectance as given, also
+where a change of its last digit would change the answer a lot: near r0 = 1, and
+where the two solutions of a circle meet.
 """
 
 from __future__ import annotations
@@ -11,7 +15,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reflectance_fit.physics.domain import checked_angle, checked_index, checked_reflectance
+from reflectance_fit.physics.domain import (
+    LARGEST_INDEX,
+    checked_angle,
+    checked_index,
+    checked_reflectance,
+)
+from reflectance_fit.physics.exact import Pair, pair, square
 
 Floats = NDArray[np.float64]
 
@@ -46,17 +56,19 @@ def eta_from_r0(r0: ArrayLike) -> Floats:
     1.500
     """
     r0 = checked_reflectance(r0)
+    root = 1.0 + pair(r0).sqrt()
     # (1 + s) / (1 - s) with s = sqrt(r0), but 1 - r0 is exact near 1 where 1 - s is not.
-    result: Floats = (1.0 + np.sqrt(r0)) ** 2 / (1.0 - r0)
-    return result[()]
+    return (root * root / (1.0 - pair(r0))).high[()]
 
 
 def eta_minus_one_from_r0(r0: ArrayLike) -> Floats:
-    """eta - 1 for `eta_from_r0`, with all its digits when r0 is tiny: 2 s / (1 - s), s = sqrt(r0)."""
+    """eta - 1 for `eta_from_r0`, with all its digits when r0 is tiny: 2 s / (1 - s), s = sqrt(r0).
+
+    The other index with this r0 has 1 / eta - 1 = -(eta - 1) / eta.
+    """
     r0 = checked_reflectance(r0)
-    s = np.sqrt(r0)
-    result: Floats = 2.0 * s * (1.0 + s) / (1.0 - r0)
-    return result[()]
+    s = pair(r0).sqrt()
+    return (2.0 * s * (1.0 + s) / (1.0 - pair(r0))).high[()]
 
 
 def eta_from_r0_given_k(r0: ArrayLike, k: ArrayLike) -> EtaRoots:
@@ -82,13 +94,14 @@ def eta_from_r0_given_k(r0: ArrayLike, k: ArrayLike) -> EtaRoots:
     """
     r0 = checked_reflectance(r0)
     _, k = checked_index(1.0, k)
-    radius = 2.0 * np.sqrt(r0) / (1.0 - r0)
-    square = (radius - k) * (radius + k)
-    valid = square >= -_ROUNDING * k**2
-    high = (1.0 + r0) / (1.0 - r0) + np.sqrt(np.maximum(square, 0.0))
+    rest = 1.0 - pair(r0)
+    # (radius^2 - k^2) (1 - r0)^2, where k^2 meets radius^2 at the top of the circle
+    k2 = square(k)
+    within, valid = _possible(4.0 * pair(r0) - k2 * rest * rest, 4.0 * r0)
+    high = (1.0 + pair(r0) + within.sqrt()) / rest
     # The roots multiply to 1 + k^2, which never cancels.
-    low = (1.0 + k**2) / high
-    return EtaRoots(np.where(valid, low, np.nan)[()], np.where(valid, high, np.nan)[()], valid[()])
+    low = (1.0 + k2) / high
+    return EtaRoots(np.where(valid, low.high, np.nan)[()], np.where(valid, high.high, np.nan)[()], valid[()])
 
 
 def k_from_r0_given_eta(r0: ArrayLike, eta: ArrayLike) -> ExtinctionRoot:
@@ -114,11 +127,11 @@ def k_from_r0_given_eta(r0: ArrayLike, eta: ArrayLike) -> ExtinctionRoot:
     """
     r0 = checked_reflectance(r0)
     eta, _ = checked_index(eta)
-    s = np.sqrt(r0)
-    numerator = (s * (eta + 1.0) - (eta - 1.0)) * (s * (eta + 1.0) + (eta - 1.0))
-    valid = numerator >= -_ROUNDING * r0 * (eta + 1.0) ** 2
-    k = np.sqrt(np.maximum(numerator, 0.0) / (1.0 - r0))
-    return ExtinctionRoot(np.where(valid, k, np.nan)[()], valid[()])
+    sum_, difference = 1.0 + pair(eta), pair(eta) - 1.0
+    largest = pair(r0) * sum_ * sum_
+    within, valid = _possible(largest - difference * difference, largest.high)
+    k = (within / (1.0 - pair(r0))).sqrt()
+    return ExtinctionRoot(np.where(valid, k.high, np.nan)[()], valid[()])
 
 
 def index_from_rho(rho: ArrayLike, theta_i: ArrayLike) -> tuple[Floats, Floats]:
@@ -134,28 +147,46 @@ def index_from_rho(rho: ArrayLike, theta_i: ArrayLike) -> tuple[Floats, Floats]:
     Returns
     -------
     eta, k : float, shape S
-        Relative index.  A negative k is returned as it comes: it means noise
-        on a transparent sample, or a Delta of the other sense.
+        Relative index, each right to what the last digits of rho and theta_i
+        decide.  A negative k is returned as it comes: it means noise on a
+        transparent sample, or a Delta of the other sense.
 
     Raises
     ------
     ValueError
         If theta_i is outside (0, pi/2), where s and p can be told apart, or
-        rho is not finite or -1.
+        rho is not finite (to 1e100) or -1.
 
     Notes
     -----
     Azzam & Bashara, Ellipsometry and Polarized Light (1977), 4.2: eps = sin^2
     (1 + tan^2 ((1 - rho)/(1 + rho))^2).  Their r_p is ours, their time factor
     the conjugate one: rho and eps are both conjugated, so the formula stands.
+
+    Every interface has |rho| <= 1; rho and 1 / rho give the same eps, so a
+    |rho| above 1 is answered as if its inverse had been given.  Near normal
+    incidence 1 + rho is of the order of theta_i^2, near grazing incidence 1 - rho
+    is of the order of pi/2 - theta_i, and an error of rho is magnified by the
+    inverse; at Brewster's angle nothing is magnified.
     """
     theta = checked_angle(theta_i)
     rho = np.asarray(rho, dtype=np.complex128)
     if not np.all((theta > 0.0) & (theta < np.pi / 2)):
         raise ValueError("theta_i must be inside (0, pi/2): s and p are alike at 0 and at pi/2")
-    if not np.all(np.isfinite(rho) & (rho != -1.0)):
-        raise ValueError("rho must be finite and not -1, which is normal incidence")
-    ratio = np.tan(theta) * ((1.0 - rho) / (1.0 + rho))
+    if not np.all((np.abs(rho) <= LARGEST_INDEX) & (rho != -1.0)):
+        raise ValueError("rho must be finite (to 1e100) and not -1, which is normal incidence")
+    # (1 - rho)/(1 + rho) = (1 - |rho|^2 - 2i Im rho) / |1 + rho|^2 keeps a tiny Im rho, which is all of k.
+    real, imag = rho.real, rho.imag
+    difference = (1.0 - square(real) - square(imag)).high
+    scale = np.tan(theta) / np.hypot(1.0 + real, imag) ** 2
+    u, v = scale * difference, -2.0 * scale * imag
     # numpy's principal root has Re >= 0, and the sign of Im eps becomes that of k.
-    index = np.sin(theta) * np.sqrt(1.0 + ratio**2)
+    index = np.sin(theta) * np.sqrt((1.0 + (u - v) * (u + v)) + 2j * (u * v))
     return index.real[()], index.imag[()]
+
+
+def _possible(square_: Pair, scale: Floats) -> tuple[Pair, NDArray[np.bool_]]:
+    """A square that must not be negative, clipped to 0, and where it is not negative by more than rounding."""
+    valid = square_.high >= -_ROUNDING * scale
+    inside = square_.high > 0.0
+    return Pair(np.where(inside, square_.high, 0.0), np.where(inside, square_.low, 0.0)), valid

@@ -6,6 +6,7 @@ solver that takes the wrong one is caught only by looking for the minimum itself
 
 import time
 
+import mpmath
 import numpy as np
 import pytest
 from hypothesis import given
@@ -14,7 +15,9 @@ from hypothesis import strategies as st
 from reflectance_fit.physics.brewster import (
     brewster_angle,
     critical_angle,
+    critical_glancing_angle,
     principal_angle,
+    principal_angles,
     second_brewster_angle,
 )
 from reflectance_fit.physics.ellipsometry import amplitude_ratio
@@ -40,11 +43,52 @@ def test_published_values(eta, k, expected_deg):
     assert np.degrees([f(eta, k) for f in ANGLES]) == pytest.approx(expected_deg, abs=0.0105)
 
 
-@pytest.mark.parametrize("angle", ANGLES)
+def smallest_principal_angle(eta, k=0.0):
+    return principal_angles(eta, k)[..., 0]
+
+
+@pytest.mark.parametrize("angle", [brewster_angle, second_brewster_angle, smallest_principal_angle])
 @given(eta=st.floats(1e-3, 1e3))
 def test_transparent_media_have_one_brewster_angle(angle, eta):
     assert angle(eta) == pytest.approx(np.arctan(eta), rel=1e-15)
     assert angle(1.0) == pytest.approx(np.pi / 4, rel=1e-15)
+
+
+def indices_to_search():
+    rng = np.random.default_rng(11)
+    for exponents_eta, exponents_k in [
+        ((-8, 8), (-300, -8)), ((-8, 8), (-8, 8)), ((-1.3, 1), (-4, 1)), ((-1, -0.35), (-5, -1)),
+    ]:  # fmt: skip
+        for _ in range(4):
+            yield 10.0 ** rng.uniform(*exponents_eta), 10.0 ** rng.uniform(*exponents_k)
+    yield from [
+        (1e-8, 0.0),
+        (1e8, 0.0),
+        (1e-8, 1e-300),
+        (1e8, 1e8),
+        (1e-8, 1e8),
+        (1.0, 1e-9),
+        (1 - 1e-12, 1e-14),
+    ]
+
+
+def test_against_a_search_in_70_digits(oracle):
+    for eta, k in indices_to_search():
+        search = oracle.Search(eta, k)
+        principal = [float(x) for x in search.zeros(oracle.real_ratio)]
+        padded = principal + [np.nan] * (3 - len(principal))
+        expected = [float(search.minimum(f)) for f in (oracle.power_p, oracle.power_ratio)]
+        found = [brewster_angle(eta, k), second_brewster_angle(eta, k)]
+        assert found == pytest.approx(expected, rel=0, abs=1e-14), (eta, k)
+        assert principal_angles(eta, k) == pytest.approx(padded, rel=0, abs=1e-14, nan_ok=True), (eta, k)
+
+
+def test_over_the_whole_domain():
+    index, extinction = np.meshgrid(
+        [1e-100, 1e-30, 0.3, 1.0, 1e30, 1e100], [0.0, 1e-300, 1e-30, 1.0, 1e30, 1e100]
+    )
+    for angle in ANGLES:
+        assert np.all((angle(index, extinction) > 0.0) & (angle(index, extinction) <= np.pi / 2))
 
 
 @pytest.mark.parametrize("angle", ANGLES)
@@ -117,6 +161,19 @@ def test_the_three_angles_are_in_order(eta, k):
     assert first <= second + 1e-12
     assert second <= third + 1e-12
     assert first <= np.arctan(abs(eta + 1j * k)) + 1e-12
+
+
+def test_critical_glancing_angle_keeps_its_digits():
+    delta = np.array([1e-30, 1e-16, 7.58e-6, 0.1, 0.999])
+    with mpmath.workdps(50):
+        exact = [float(mpmath.acos(1 - mpmath.mpf(float(d)))) for d in delta]
+    assert critical_glancing_angle(delta) == pytest.approx(exact, rel=5e-16)
+    assert critical_glancing_angle(0.25) == pytest.approx(np.pi / 2 - critical_angle(0.75), rel=1e-15)
+    assert np.all(np.isnan(critical_glancing_angle([0.0, -0.5])))
+    with pytest.raises(ValueError, match="1 - eta"):
+        critical_glancing_angle([0.5, 1.0])
+    with pytest.raises(ValueError, match="1 - eta"):
+        critical_glancing_angle(np.nan)
 
 
 def test_critical_angle_exists_only_from_the_denser_side():

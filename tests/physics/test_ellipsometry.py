@@ -1,10 +1,12 @@
 """The sign of i, which no reflectance can show, and round trips that a doubled quadrant correction breaks."""
 
+import mpmath
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from reflectance_fit.physics.brewster import brewster_angle, principal_angle
 from reflectance_fit.physics.ellipsometry import (
     amplitude_ratio,
     psi_delta,
@@ -51,6 +53,47 @@ def test_delta_of_a_real_positive_ratio_is_0_and_not_360(rho):
 def test_the_ratio_is_that_of_the_amplitudes(theta, eta, k):
     r_s, r_p = amplitudes(np.cos(theta), eta, k)
     assert amplitude_ratio(np.cos(theta), eta, k) * r_s == pytest.approx(r_p, abs=1e-13)
+
+
+N = 60
+RNG = np.random.default_rng(20250318)
+COSINE, ETA, K = RNG.uniform(0, 1, N), 10.0 ** RNG.uniform(-1.3, 1.3, N), 10.0 ** RNG.uniform(-6, 1.3, N)
+SMALL, TINY = 10.0 ** RNG.uniform(-3, -0.01, N), 10.0 ** RNG.uniform(-20, -8, N)
+REGIMES = {
+    "ordinary": (COSINE, ETA, K),
+    "weak k": (COSINE, ETA, 10.0 ** RNG.uniform(-100, -6, N)),
+    "Brewster": (np.cos(brewster_angle(ETA)), ETA, np.zeros(N)),
+    "principal": (np.cos(principal_angle(ETA, K) * (1 + 1e-9)), ETA, K),
+    "critical": (np.sqrt((1 - SMALL) * (1 + SMALL)), SMALL, np.zeros(N)),
+    "critical, weak k": (np.sqrt((1 - SMALL) * (1 + SMALL)), SMALL, TINY),
+    "near normal": (1 - 10.0 ** RNG.uniform(-16, -2, N), ETA, K),
+    "near grazing": (10.0 ** RNG.uniform(-60, -2, N), ETA, K),
+    "near matched": (COSINE, 1 + 10.0 ** RNG.uniform(-15, -2, N), TINY),
+    "extremes": (COSINE, 10.0 ** RNG.uniform(-99, 99, N), 10.0 ** RNG.uniform(-99, 99, N)),
+}
+
+
+@pytest.mark.parametrize("regime", REGIMES)
+def test_each_part_of_the_ratio_keeps_its_digits(regime):
+    c, eta, k = REGIMES[regime]
+    rho = amplitude_ratio(c, eta, k)
+    with mpmath.workdps(450):
+        for i in range(N):
+            cosine, index = mpmath.mpf(float(c[i])), mpmath.mpc(float(eta[i]), float(k[i]))
+            w = mpmath.sqrt(index**2 - 1 + cosine**2)
+            r_s, r_p = (cosine - w) / (cosine + w), (index**2 * cosine - w) / (index**2 * cosine + w)
+            exact = r_p / r_s
+            # Of a real part the reference itself leaves 1e-440 where it is 0.
+            assert rho[i].real == pytest.approx(float(exact.real), rel=4e-15, abs=1e-300), (
+                c[i],
+                eta[i],
+                k[i],
+            )
+            assert rho[i].imag == pytest.approx(float(exact.imag), rel=4e-15, abs=1e-300), (
+                c[i],
+                eta[i],
+                k[i],
+            )
 
 
 def test_the_ratio_has_a_limit_at_an_index_match():
