@@ -77,7 +77,7 @@ class FitResult:
 
                 def told(_name: str) -> None:
                     if progress:
-                        progress("drawing", next(drawn), pictures(len(self.fits)))
+                        progress("drawing", next(drawn), pictures(self.fits))
 
                 draw_all(self.fits, stage / "plots", predictor, progress=told)
             write_text(report_yaml(self.report), stage / "report.yaml")

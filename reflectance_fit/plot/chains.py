@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from reflectance_fit.plot import style
 from reflectance_fit.plot.corner import varied
 from reflectance_fit.plot.text import label, subject
-from reflectance_fit.result import Fit, Posterior
+from reflectance_fit.result import Chains, Fit, Posterior
 
 TRACE_POINTS = 800
 RANK_BARS = 20
@@ -24,15 +24,15 @@ RANK_BARS = 20
 @style.styled
 def draw_trace(fit: Fit) -> Figure:
     """The mean over walkers of each ensemble against the step, burn-in shaded."""
-    posterior = fit.posterior
-    moving = [i for i in range(len(posterior.names)) if np.ptp(posterior.trace[:, :, i]) > 0]
+    posterior, chains = fit.posterior, _chains(fit)
+    moving = [i for i in range(len(posterior.names)) if np.ptp(chains.trace[:, :, i]) > 0]
     figure, axes = style.grid(len(moving), panel_height=0.85, left=1.3, top=0.52, gap=(0.16, 0.0))
     style.heading(figure, f"{subject(fit)}: mean over walkers, burn-in shaded")
-    length = posterior.trace.shape[1]
+    length = chains.trace.shape[1]
     steps = style.thin(np.arange(1.0, length + 1), TRACE_POINTS)
     for ax, i in zip(axes[:, 0], moving, strict=True):
-        ax.axvspan(0, posterior.burn_in, color=style.QUIET, alpha=0.2, linewidth=0)
-        for trace, look in zip(posterior.trace[:, :, i], _looks(posterior), strict=True):
+        ax.axvspan(0, chains.burn_in, color=style.QUIET, alpha=0.2, linewidth=0)
+        for trace, look in zip(chains.trace[:, :, i], _looks(posterior), strict=True):
             ax.plot(steps, style.thin(trace, TRACE_POINTS), linewidth=0.7, **look)
         ax.set_ylabel(label(posterior.names[i]).replace(" (", "\n("))
         ax.set_xlim(0, length)
@@ -47,16 +47,16 @@ def draw_trace(fit: Fit) -> Figure:
 @style.styled
 def draw_autocorrelation(fit: Fit) -> Figure:
     """The estimate of the autocorrelation time as the chain grew; to be trusted below N / 25."""
-    posterior = fit.posterior
+    chains = _chains(fit)
     figure, axes = style.grid(panel_height=2.8, width=4.8)
     style.heading(figure, f"{subject(fit)}: autocorrelation time")
     ax = axes[0, 0]
-    known = np.isfinite(posterior.tau) & (posterior.tau > 0)
-    n, tau = posterior.tau_steps[known], posterior.tau[known]
+    known = np.isfinite(chains.tau) & (chains.tau > 0)
+    n, tau = chains.tau_steps[known], chains.tau[known]
     ax.set(
         xscale="log", yscale="log", xlabel="chain length N (steps)", ylabel="autocorrelation time τ (steps)"
     )
-    ends = np.array([n.min(), n.max()]) if len(n) else np.array([50.0, max(100.0, posterior.steps)])
+    ends = np.array([n.min(), n.max()]) if len(n) else np.array([50.0, max(100.0, chains.steps)])
     ax.plot(ends, ends / 25, color=style.QUIET, linestyle="--", label="τ = N / 25")
     ax.fill_between(
         ends, ends / 25, 1e-9, color=style.QUIET, alpha=0.12, linewidth=0, label="long enough: N > 25 τ"
@@ -157,3 +157,10 @@ def _plain_log(axis: Axis) -> None:
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.12g}"))
     axis.set_minor_locator(NullLocator())
     axis.set_minor_formatter(NullFormatter())
+
+
+def _chains(fit: Fit) -> Chains:
+    """How emcee ran; ValueError where another method drew."""
+    if fit.posterior.chains is None:
+        raise ValueError(f"{fit.posterior.method} has no chains to look at")
+    return fit.posterior.chains

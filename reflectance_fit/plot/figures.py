@@ -6,6 +6,7 @@ import gc
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeVar
 
 from matplotlib.figure import Figure
 
@@ -23,6 +24,9 @@ from reflectance_fit.result import Fit
 
 # Beyond this many channels a folder of pictures is no longer looked at.
 MOST_CHANNELS = 12
+_OF_CHAINS = ("trace", "autocorrelation")
+
+T = TypeVar("T")
 
 
 @contextmanager
@@ -42,9 +46,15 @@ def _collecting_later() -> Iterator[None]:
             gc.enable()
 
 
-def pictures(fits: int) -> int:
-    """How many pictures ``draw_all`` draws for so many fits, each as PNG and SVG."""
-    return 8 * (fits if fits <= MOST_CHANNELS else 3) + (fits >= 3)
+def pictures(fits: Sequence[Fit]) -> int:
+    """How many pictures ``draw_all`` draws for these fits, each as PNG and SVG."""
+    return sum(8 if fit.posterior.chains else 6 for fit in _shown(list(fits))) + (len(fits) >= 3)
+
+
+def _shown(channels: list[T]) -> list[T]:
+    """All, or the first, the middle and the last of too many."""
+    few = len(channels) <= MOST_CHANNELS
+    return channels if few else [channels[0], channels[len(channels) // 2], channels[-1]]
 
 
 def draw_all(
@@ -58,7 +68,8 @@ def draw_all(
 
     One channel gives ``fit.png``, several give ``fit-CHANNEL.png``.  With more
     than 12 channels only the first, the middle and the last get their own
-    pictures.  From 3 channels on, ``spectrum`` shows them all.  ``progress``
+    pictures.  Only emcee's chains have a ``trace`` and an ``autocorrelation``.
+    From 3 channels on, ``spectrum`` shows them all.  ``progress``
     is called with each picture's name before it is drawn; ``predictor`` gives
     each fit's model as a function.
     """
@@ -82,11 +93,10 @@ def draw_all(
             paths.extend(save(figure(), folder, name))
 
     endings = [""] if len(fits) == 1 else [f"-{slug}" for slug in slugs(fit.channel for fit in fits)]
-    channels = list(zip(fits, endings, strict=True))
-    if len(channels) > MOST_CHANNELS:
-        channels = [channels[0], channels[len(channels) // 2], channels[-1]]
-    for fit, ending in channels:
+    for fit, ending in _shown(list(zip(fits, endings, strict=True))):
         for name, function in draw.items():
+            if name in _OF_CHAINS and fit.posterior.chains is None:
+                continue
             write(name + ending, lambda fit=fit, function=function: function(fit))  # type: ignore[misc]
     if len(fits) >= 3:
         write("spectrum", lambda: draw_spectrum(fits))

@@ -8,7 +8,7 @@ import pytest
 from reflectance_fit.observations import Observations
 from reflectance_fit.physics.fresnel import amplitudes
 from reflectance_fit.priors import NUISANCES, Prior
-from reflectance_fit.result import Candidate, Fit, Interval, Optimum, Posterior
+from reflectance_fit.result import Candidate, Chains, Fit, Interval, Optimum, Posterior
 
 PRIORS = {
     "eta": Prior("log_uniform", 0.05, 10.0),
@@ -128,16 +128,15 @@ def fake_fit(
     tau = 55 * (1 - np.exp(-tau_steps / 500)) + rng.normal(size=len(tau_steps))
     posterior = Posterior(
         model, "emcee", names, samples, -0.5 * rng.chisquare(2, (chains, draws)),
-        np.repeat(np.arange(ensembles), chains // ensembles), steps, 400, 0.42,
-        dict.fromkeys(names, 2600.0), dict.fromkeys(names, 1.001), True, tau_steps, tau, trace,
+        np.repeat(np.arange(ensembles), chains // ensembles), dict.fromkeys(names, 2600.0), True,
+        Chains(steps, 400, 0.42, dict.fromkeys(names, 1.001), tau_steps, tau, trace),
     )  # fmt: skip
     upper = None
     if model == "dielectric":
         upper = Posterior(
-            "conductor", "emcee", (*names, "k"),
+            "conductor", "importance", (*names, "k"),
             {**samples, "k": np.abs(0.004 * rng.normal(size=(chains, draws)))}, posterior.log_density,
-            posterior.ensemble, steps, 400, 0.4, dict.fromkeys(names, 2600.0), dict.fromkeys(names, 1.0), True,
-            tau_steps, tau, trace,
+            posterior.ensemble, dict.fromkeys(names, 2600.0), True, None, 0.1,
         )  # fmt: skip
     optimum = Optimum(
         model, dict(best), best["eta"], k, gains, chi2, chi2, dof, chi2 + 3, predicted,

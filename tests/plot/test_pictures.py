@@ -15,7 +15,7 @@ from reflectance_fit.inference.predict import predictor
 from reflectance_fit.plot.chains import draw_autocorrelation, draw_rank, draw_trace
 from reflectance_fit.plot.corner import draw_corner
 from reflectance_fit.plot.curve import Model, turn
-from reflectance_fit.plot.figures import draw_all
+from reflectance_fit.plot.figures import draw_all, pictures
 from reflectance_fit.plot.fit import draw_fit
 from reflectance_fit.plot.priors import draw_prior_posterior
 from reflectance_fit.plot.residuals import draw_residuals
@@ -28,6 +28,18 @@ FITS = ["glass", "gold", "photographs", "analyzer_scan", "everything"]
 NAMES = ["fit", "residuals", "corner", "trace", "autocorrelation", "rank", "prior_posterior", "schlick"]
 HOSTILE = ["_a$x_{$<script>alert(1)</script>", "re\u202edrawer\nline", "\\frac{$日本" + "x" * 500]
 UNIT = re.compile(r"\((deg|fraction|ratio|a\.u\.|nm|steps|iterations|σ)\)|density|^(η|k)\b|$^")
+
+
+def test_what_only_chains_have_is_drawn_for_chains_only(glass, tmp_path, predict):
+    weighted = replace(
+        glass, posterior=replace(glass.posterior, method="importance", chains=None, pareto_k=0.2)
+    )
+    paths = draw_all([weighted], tmp_path, predict)
+    assert {p.stem for p in paths} == set(NAMES) - {"trace", "autocorrelation"}
+    assert len(paths) == 2 * pictures([weighted])
+    assert pictures([glass, weighted, glass]) == 8 + 6 + 8 + 1
+    with pytest.raises(ValueError, match="importance has no chains"):
+        draw_trace(weighted)
 
 
 @pytest.mark.parametrize("name", FITS)
