@@ -181,7 +181,8 @@ def test_what_was_scanned_is_the_abscissa(analyzer_scan, photographs):
 
 def test_short_runs_and_unknown_angles_draw(gold, predict, tmp_path):
     nothing = np.array([np.nan, np.nan])
-    posterior = replace(gold.posterior, tau_steps=np.array([50.0, 100.0]), tau=nothing, ess={})
+    chains = replace(gold.posterior.chains, tau_steps=np.array([50.0, 100.0]), tau=nothing)
+    posterior = replace(gold.posterior, chains=chains, ess={})
     blank = replace(gold.intervals["eta"], median=None, sd=None, ci68=None, status="not_identified")
     intervals = {"eta": blank, "k": blank, "brewster_deg": blank}
     fit = replace(gold, posterior=posterior, intervals=intervals, estimated_sigma={"psi_deg": 0.3})
