@@ -30,13 +30,15 @@ def schlick(
     """How wrong Schlick's approximation (and others) is for one material.
 
     The error is approximation minus exact Fresnel reflectance of unpolarized
-    light, over all angles of incidence. Give an index, a material or a report.
+    light, over all angles of incidence. Give an index, a material or a report;
+    beside a report's posterior.nc the errors get their 95 % intervals.
 
     Example:
 
     \b
         reflectance-fit schlick --eta 1.5
         reflectance-fit schlick --material gold --wavelength-nm 650 -o schlick-gold
+        reflectance-fit schlick result/report.yaml -o schlick
     """
     if sum(given is not None for given in (report, eta, material)) != 1:
         raise click.UsageError("give exactly one of --eta, --material and REPORT.yaml")
@@ -44,9 +46,12 @@ def schlick(
 
     from .tables import print_approximations
 
-    for title, errors in schlick_errors(
+    found = schlick_errors(
         report=report, eta=eta, k=k, material=material, wavelength_nm=wavelength_nm, folder=out
-    ):
-        print_approximations(title, errors)
+    )
+    for channel in found.channels:
+        print_approximations(channel.title, channel.errors)
+    if found.note and not is_quiet():
+        click.echo(found.note)
     if out is not None and not is_quiet():
         click.echo(f"wrote {out}")
