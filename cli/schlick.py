@@ -30,15 +30,14 @@ def schlick(
     """How wrong Schlick's approximation (and others) is for one material.
 
     The error is approximation minus exact Fresnel reflectance of unpolarized
-    light, over all angles of incidence. Give an index, a material or a report;
-    beside a report's posterior.nc the errors get their 95 % intervals.
+    light, over all angles of incidence. Give an index, a material or a report.yaml;
+    where its posterior.nc is beside it, errors get their 95 % intervals.
 
     Example:
 
     \b
         reflectance-fit schlick --eta 1.5
         reflectance-fit schlick --material gold --wavelength-nm 650 -o schlick-gold
-        reflectance-fit schlick result/report.yaml -o schlick
     """
     if sum(given is not None for given in (report, eta, material)) != 1:
         raise click.UsageError("give exactly one of --eta, --material and REPORT.yaml")

@@ -84,7 +84,8 @@ def _index(path: Path) -> tuple[list[str], FloatArray, FloatArray]:
     def inside(parent: Any, name: str, kind: type) -> Any:
         # Links and virtual data could name any file of the reader's.
         found: Any = parent[name] if isinstance(parent.get(name, getlink=True), h5py.HardLink) else None
-        if not isinstance(found, kind) or (kind is h5py.Dataset and (found.external or found.is_virtual)):
+        elsewhere = kind is h5py.Dataset and found is not None and (found.external or found.is_virtual)
+        if not isinstance(found, kind) or elsewhere:
             raise ValueError(f"it has no {name}")
         return found
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import quad
 
 from reflectance_fit.physics.approximation_error import (
     approximation_error,
@@ -79,6 +80,23 @@ def test_albedo_has_its_closed_form(n):
 
 
 @pytest.mark.parametrize(
+    ("eta", "k"), [(0.7, 0.02), (0.7, 1e-4), (0.3, 0.1), (0.99, 0.01), (0.18, 3.4), (1.001, 0.0)]
+)
+def test_albedo_of_absorbing_media(eta, k):
+    """Where eta < 1 and k is small both sides of the critical angle bend sharply."""
+    inside = 1 - eta**2 + k**2
+
+    def flux(beta):
+        return np.sin(2 * beta) * float(reflectances(np.sin(beta), eta, k).mean)
+
+    kink = [np.arcsin(np.sqrt(inside))] if 0 < inside < 1 else None
+    expected, _ = quad(flux, 0, np.pi / 2, points=kink, limit=2000, epsabs=1e-13, epsrel=1e-12)
+    beta, weights = quadrature(panels(eta, k))
+    found = weights @ (np.sin(2 * beta) * reflectances(np.sin(beta), eta, k).mean)
+    assert found == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(
     ("eta", "k"), [(1.5, 0.0), (0.7, 0.0), (0.7, 1e-6), (1 + 1e-7, 0.0), (0.1, 9.0), (1e5, 1e5)]
 )
 def test_weights_are_those_of_angles(eta, k):
@@ -108,6 +126,7 @@ def scan(eta, k):
     [
         *((1.5, 0.0), (0.7, 0.0), (0.183, 3.43), (1.05, 0.001), (1 + 1e-7, 0.0)),
         *((1 - 1e-7, 0.0), (0.5, 1e-7), (40.0, 90.0), (0.05, 0.05), (3.2, 3.3)),
+        *((1 + 1e-13, 0.0), (1e8, 1e8)),  # all of it within 1e-5 degrees of grazing incidence
     ],
 )
 def test_errors_are_those_of_a_slow_scan(name, eta, k):
