@@ -172,25 +172,44 @@ def plus_minus(value: float, sd: float) -> str:
 
 
 def print_approximations(title: str, errors: SchlickError) -> None:
-    """Every approximation against exact, one line each."""
+    """Every approximation against exact, one line each; 99 columns at most, the title aside."""
     if is_quiet():
         return
     table = _table(title)
-    table.add_column("approximation")
-    for heading in ("max |error|", "at (deg)", "max relative", "RMS", "albedo", "ns a value"):
-        table.add_column(heading, justify="right")
+    table.add_column("approximation", no_wrap=True)
+    spread = errors.max_abs_error_posterior is not None
+    headings = (
+        "max |error|",
+        *(["95 % of it"] if spread else []),
+        "at (deg)",
+        "max relative",
+        "RMS",
+        "albedo",
+    )
+    for heading in (*headings, "ns/value"):
+        table.add_column(heading, justify="right", no_wrap=True)
     for row in errors.approximations:
-        table.add_row(
-            row.name,
-            f"{row.max_abs_error:.4f}",
+        cells = [_error(row.max_abs_error)]
+        if spread:
+            of_it = row.max_abs_error_posterior
+            cells.append("-" if of_it is None else f"{_error(of_it.ci95[0])}..{_error(of_it.ci95[1])}")
+        cells += [
             f"{row.at_deg:.1f}",
             _percent(row.max_rel_error, ".1f"),
-            f"{row.rms_error:.4f}",
+            _error(row.rms_error),
             _percent(row.albedo_error, "+.1f"),
             "-" if row.ns_per_eval is None else f"{row.ns_per_eval:.1f}",
-        )
+        ]
+        table.add_row(row.name, *cells)
     _show(table)
 
 
+def _error(size: float) -> str:
+    """Four places; two digits where those would say nothing."""
+    return f"{size:.1e}" if 0 < size < 5e-4 else f"{size:.4f}"
+
+
 def _percent(share: float | None, form: str) -> str:
-    return "infinite" if share is None else f"{100 * share:{form}} %"
+    if share is None:
+        return "infinite"
+    return f"{100 * share:{form}} %" if abs(share) < 1e4 else f"{100 * share:.1e} %"

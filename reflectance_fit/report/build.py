@@ -92,7 +92,8 @@ def _channel(fit: Fit, index: int, table: schema.Literature | None, *, timed: bo
     errors = None
     if eta.median is not None:
         relative = (eta.median / fit.exterior_ior, (k.median or 0.0) / fit.exterior_ior)
-        errors = schlick_errors(*relative, timed=timed)
+        draws = tuple(fit.posterior.flat(name) / fit.exterior_ior for name in ("eta", "k"))
+        errors = schlick_errors(*relative, timed=timed, draws=(draws[0], draws[1]))
     kind: Literal["brewster", "pseudo_brewster"] = (
         "brewster" if fit.optimum.model == "dielectric" else "pseudo_brewster"
     )

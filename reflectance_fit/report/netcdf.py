@@ -1,19 +1,24 @@
-"""posterior.nc: draws as a NetCDF4 file that ArviZ opens, written without ArviZ."""
+"""posterior.nc: draws as a NetCDF4 file that ArviZ opens, written and read without ArviZ."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import h5netcdf
 import numpy as np
 from numpy.typing import NDArray
 
+from reflectance_fit.errors import Problem, ReflectanceFitError
+from reflectance_fit.inputs import check_regular
 from reflectance_fit.result import Fit
 
 FloatArray = NDArray[np.float64]
 
 UNITS = {"eta": "1", "k": "1", "r0": "1", "diffuse": "1", "source_dolp": "1", "diattenuation": "1"}
+
+MAX_DRAWS = 50_000_000  # a file may claim any number without holding one
 
 
 def write_posterior(fits: Sequence[Fit], path: Path) -> None:
@@ -48,6 +53,50 @@ def write_posterior(fits: Sequence[Fit], path: Path) -> None:
         )
         ensemble = stats.create_variable("ensemble", ("chain",), int)
         ensemble[...] = fits[0].posterior.ensemble[picks[0]]
+
+
+def read_index_draws(path: Path, channels: Sequence[str]) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Draws of eta and k, relative to vacuum, of each of ``channels``; one-dimensional.
+
+    Raises ReflectanceFitError where the file is no posterior.nc, or one of
+    other channels.
+    """
+    check_regular(path, str(path))
+    try:
+        found, eta, k = _index(path)
+    except Exception as error:  # whatever the libraries below make of broken bytes
+        why = str(error).partition("(")[0].strip() or type(error).__name__
+        raise ReflectanceFitError(
+            Problem(str(path), None, f"is no posterior.nc of a fit: {why:.100}")
+        ) from error
+    if found != list(channels):
+        message = "has other channels than report.yaml beside it; fit again, or move it away"
+        raise ReflectanceFitError(Problem(str(path), None, message))
+    if not (np.all(eta > 0) and np.all(k >= 0) and np.all(np.isfinite(eta)) and np.all(np.isfinite(k))):
+        raise ReflectanceFitError(Problem(str(path), None, "has draws that are no index: fit again"))
+    return {name: (eta[..., i].ravel(), k[..., i].ravel()) for i, name in enumerate(channels)}
+
+
+def _index(path: Path) -> tuple[list[str], FloatArray, FloatArray]:
+    """Names of the channels, and draws of eta and k, shape (chain, draw, channel)."""
+    h5py = h5netcdf.core.h5py
+
+    def inside(parent: Any, name: str, kind: type) -> Any:
+        # Links and virtual data could name any file of the reader's.
+        found: Any = parent[name] if isinstance(parent.get(name, getlink=True), h5py.HardLink) else None
+        elsewhere = kind is h5py.Dataset and found is not None and (found.external or found.is_virtual)
+        if not isinstance(found, kind) or elsewhere:
+            raise ValueError(f"it has no {name}")
+        return found
+
+    with h5py.File(path, "r") as file:
+        group = inside(file, "posterior", h5py.Group)
+        names, eta, k = (inside(group, name, h5py.Dataset) for name in ("channel", "eta", "k"))
+        if eta.ndim != 3 or eta.shape != k.shape or names.shape != eta.shape[2:]:
+            raise ValueError("its eta and k are not (chain, draw, channel)")
+        if not 0 < eta.size <= MAX_DRAWS:
+            raise ValueError(f"it has {eta.size} draws")
+        return [str(name) for name in names.asstr()[...]], eta[...].astype(float), k[...].astype(float)
 
 
 def _draws(fit: Fit) -> dict[str, FloatArray]:

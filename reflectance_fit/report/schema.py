@@ -89,6 +89,15 @@ class FitReport(_Part):
     posterior: PosteriorQuality
 
 
+class Spread(_Part):
+    """Of a posterior: what a figure is when the material is one of its draws."""
+
+    median: float
+    sd: float
+    ci68: Pair
+    ci95: Pair
+
+
 class ApproximationError(_Part):
     """An approximation minus exact Fresnel for unpolarized light, over 0 to 90 deg."""
 
@@ -98,6 +107,7 @@ class ApproximationError(_Part):
     max_rel_error: float | None
     rms_error: float
     albedo_error: float | None
+    max_abs_error_posterior: Spread | None = Field(None, description="absent where there are no draws")
     ns_per_eval: float | None = Field(None, description="measured in this run; absent with --no-timings")
 
 
@@ -109,6 +119,7 @@ class SchlickError(_Part):
     max_rel_error: float | None
     rms_error: float
     albedo_error: float | None
+    max_abs_error_posterior: Spread | None = Field(None, description="absent where there are no draws")
     approximations: list[ApproximationError]
 
 

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import yaml
 
 from reflectance_fit.material import Material
+from reflectance_fit.physics.approximation_ladder import LADDER
 from reflectance_fit.report.numbers import short
 from reflectance_fit.report.schema import Report, SchlickError
+
+_MAY_BE_ABSENT = ("max_abs_error_posterior", "ns_per_eval")
 
 
 def report_yaml(report: Report) -> str:
@@ -22,9 +26,8 @@ def report_yaml(report: Report) -> str:
         for value in channel.values():
             if isinstance(value, dict) and value.get("modes", ...) is None:
                 del value["modes"]
-        for row in (channel["schlick"] or {}).get("approximations", []):
-            if row["ns_per_eval"] is None:
-                del row["ns_per_eval"]
+        if channel["schlick"] is not None:
+            channel["schlick"] = _without_absent(channel["schlick"])
     if data["sample"]["note"] is None:
         del data["sample"]["note"]
     if data["effort"]["seconds"] is None:
@@ -33,7 +36,7 @@ def report_yaml(report: Report) -> str:
 
 
 def approximations_yaml(material: Material, errors: list[SchlickError]) -> str:
-    """The text of schlick.yaml: each channel's index and every approximation's errors."""
+    """The text of schlick.yaml: each channel's index and every approximation's errors, then where each is from."""
     rows = zip(material.channels, material.eta, material.k, errors, strict=True)
     data = {
         "schema": "reflectance_fit/approximations/1",
@@ -44,12 +47,24 @@ def approximations_yaml(material: Material, errors: list[SchlickError]) -> str:
                 "channel": c,
                 "eta": short(float(eta)),
                 "k": short(float(k)),
-                "schlick": e.model_dump(mode="json"),
+                "schlick": _without_absent(e.model_dump(mode="json")),
             }
             for c, eta, k, e in rows
         ],
+        "approximations": {
+            rung.name: {"source": rung.source, "valid_for": rung.valid_for} for rung in LADDER
+        },
     }
     return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=110)
+
+
+def _without_absent(schlick: dict[str, Any]) -> dict[str, Any]:
+    """Without the fields that stand only where there are draws or clocks; other nulls mean infinite."""
+
+    def kept(row: dict[str, Any]) -> dict[str, Any]:
+        return {name: value for name, value in row.items() if value is not None or name not in _MAY_BE_ABSENT}
+
+    return kept(schlick) | {"approximations": [kept(row) for row in schlick["approximations"]]}
 
 
 class _Dumper(yaml.SafeDumper):

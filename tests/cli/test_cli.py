@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import yaml
 from click.testing import CliRunner, Result
 
 from reflectance_fit import demonstration, workflow
@@ -19,6 +20,7 @@ from reflectance_fit.data_synthetic.spec import standard_spec
 from reflectance_fit.data_synthetic.tables import write_example
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.inference import posterior
+from reflectance_fit.physics.approximation_ladder import LADDER
 from reflectance_fit.plot import figures
 
 NAMES = {"report.yaml", "posterior.nc", "plots"}
@@ -433,7 +435,7 @@ def test_schema_prints_a_json_schema(name):
 # --- schlick
 
 
-ROWS = {"r0_constant", "schlick", "lecture_conductor", "exact"}
+ROWS = {rung.name for rung in LADDER}
 
 
 def test_schlick_of_an_index():
@@ -454,11 +456,52 @@ def test_schlick_of_a_material_writes_a_plot_and_yaml(tmp_path):
 
 
 def test_schlick_of_a_report(source, tmp_path, canned, fitted):
+    """With the posterior beside it: intervals in the table and the YAML, a band in the plot."""
     run("fit", source, "-o", tmp_path / "out", "--no-plots")
-    result = run("schlick", tmp_path / "out" / "report.yaml")
+    result = run("schlick", tmp_path / "out" / "report.yaml", "-o", tmp_path / "s")
     assert result.exit_code == 0
     eta = fitted.report.channels[0].eta.median / fitted.report.exterior_ior
-    assert result.stdout.startswith(f"Au (synthetic), 632.8 nm: eta = {eta:.4f}, ")
+    title, headings, *rows = result.stdout.splitlines()
+    assert title.startswith(f"Au (synthetic), 632.8 nm: eta = {eta:.4f}, ")
+    assert "95 % of it" in headings
+    assert max(map(len, rows[:-1])) <= 100
+    cells = {row.split()[0]: row.split() for row in rows[:-1]}
+    low, high = map(float, cells["schlick"][2].split(".."))
+    assert low < float(cells["schlick"][1]) < high
+    written = yaml.safe_load((tmp_path / "s" / "schlick.yaml").read_text())
+    (channel,) = written["channels"]
+    assert (
+        {row["name"] for row in channel["schlick"]["approximations"]}
+        == ROWS
+        == set(written["approximations"])
+    )
+    spread = channel["schlick"]["max_abs_error_posterior"]
+    assert spread["ci95"] == pytest.approx([low, high], abs=6e-5)
+    # The fit has said the same: it has the same draws.
+    assert spread == fitted.report.channels[0].schlick.max_abs_error_posterior.model_dump()
+
+
+def test_schlick_of_a_report_alone(source, tmp_path, canned):
+    run("fit", source, "-o", tmp_path / "out", "--no-plots")
+    nc = tmp_path / "out" / "posterior.nc"
+    nc.unlink()
+    result = run("schlick", tmp_path / "out" / "report.yaml", "-o", tmp_path / "s")
+    assert result.exit_code == 0
+    assert "95 % of it" not in result.stdout
+    assert result.stdout.splitlines()[-2:] == [
+        f"no {nc}: errors without intervals",
+        f"wrote {tmp_path / 's'}",
+    ]
+    assert "max_abs_error_posterior" not in (tmp_path / "s" / "schlick.yaml").read_text()
+
+
+def test_schlick_of_a_report_beside_another_posterior(source, tmp_path, canned):
+    run("fit", source, "-o", tmp_path / "out", "--no-plots")
+    report = tmp_path / "out" / "report.yaml"
+    report.write_text(report.read_text().replace("channel: 632.8 nm", "channel: G"))
+    (line,) = error_lines(run("schlick", report, "-o", tmp_path / "s"))
+    assert line.startswith(f"Error: {tmp_path / 'out' / 'posterior.nc'}: has other channels than ")
+    assert not (tmp_path / "s").exists()
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,10 @@ from reflectance_fit.physics.fresnel import r0, reflectances
 from reflectance_fit.report import cost
 from reflectance_fit.report.approximations import schlick_errors
 
-NAMES = ["r0_constant", "schlick", "lecture_conductor", "exact"]
+NAMES = [
+    *("r0_constant", "schlick", "schlick_real_r0", "lazanyi", "f82"),
+    *("lecture_conductor", "gulbrandsen", "table", "exact"),
+]
 THETA = np.linspace(0, np.pi / 2, 20_001)
 
 
@@ -58,6 +61,46 @@ def test_matched_indices_have_no_relative_error():
     assert np.isfinite(errors.max_abs_error)
 
 
+# --- the posterior's spread
+
+
+def normal_draws(eta: float, sd: float, k: float = 0.0, sd_k: float = 0.0) -> tuple:
+    rng = np.random.default_rng(1)
+    return eta + sd * rng.standard_normal(20_000), k + sd_k * rng.standard_normal(20_000)
+
+
+def test_without_draws_there_is_no_spread():
+    errors = schlick_errors(1.5, 0.0, timed=False)
+    assert errors.max_abs_error_posterior is None
+    assert {row.max_abs_error_posterior for row in errors.approximations} == {None}
+
+
+@pytest.mark.parametrize(("eta", "k", "sd"), [(1.5, 0.0, 0.002), (0.2, 3.4, 0.003), (3.2, 3.3, 0.01)])
+def test_the_spread_is_the_slope_times_that_of_eta(eta, k, sd):
+    """To first order; sd from 200 draws is itself known to 5 %, 20 % is four times that."""
+    errors = schlick_errors(eta, k, timed=False, draws=normal_draws(eta, sd, k))
+    above, below = (schlick_errors(eta + step, k, timed=False) for step in (sd, -sd))
+    for row, up, down in zip(*(e.approximations for e in (errors, above, below)), strict=True):
+        spread = row.max_abs_error_posterior
+        slope = abs(up.max_abs_error - down.max_abs_error) / 2
+        if row.name != "table":  # its worst cell changes
+            assert spread.sd == pytest.approx(slope, rel=0.2, abs=1e-9)
+            assert spread.median == pytest.approx(row.max_abs_error, abs=0.4 * slope + 1e-9)
+            assert spread.ci95[1] - spread.ci95[0] == pytest.approx(3.92 * slope, rel=0.3, abs=1e-9)
+        assert spread.ci95[0] <= spread.ci68[0] <= spread.median <= spread.ci68[1] <= spread.ci95[1]
+
+
+def test_draws_that_are_all_alike_have_the_errors_of_one():
+    draws = np.full(50, 0.2), np.full(50, 3.4)
+    for row in schlick_errors(0.2, 3.4, timed=False, draws=draws).approximations:
+        spread = row.max_abs_error_posterior
+        assert spread.sd <= 1e-12
+        assert spread.ci95 == pytest.approx([row.max_abs_error] * 2, rel=1e-6)
+
+
+# --- costs
+
+
 def test_cost_is_measured_only_when_asked_for():
     assert {row.ns_per_eval for row in schlick_errors(1.5, 0.0, timed=False).approximations} == {None}
 
@@ -71,15 +114,15 @@ def test_costs_are_medians_in_nanoseconds_a_value(monkeypatch):
         def function(cosines):
             calls.append(name)
             assert (cosines.min(), cosines.max()) == (0, 1)
-            now[0] += seconds * (100 if len(calls) == 5 else 1)
+            now[0] += seconds * (100 if len(calls) == 6 else 1)
 
         return function
 
     monkeypatch.setattr(cost.time, "perf_counter", lambda: now[0])
-    costs = cost.nanoseconds_per_evaluation({"a": takes("a", 2e-4), "b": takes("b", 1e-3)})
+    costs = cost.nanoseconds_per_evaluation({"a": takes("a", 1e-4), "b": takes("b", 5e-4)})
     assert costs == pytest.approx({"a": 10.0, "b": 50.0})
-    # Interleaved, so that a machine that slows down slows both.
-    assert calls[:4] == ["a", "b", "a", "b"]
+    # Interleaved, so that a machine that slows down slows both; each call timed follows one that is not.
+    assert calls[:8] == ["a", "a", "b", "b", "a", "a", "b", "b"]
 
 
 def test_real_costs_are_positive():
