@@ -15,19 +15,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reflectance_fit.physics.area_lights import DiskLight, Light, RectangleLight, SphereLight
+from reflectance_fit.physics.area_lights import DiskLight, Light, RectangleLight, SphereLight, Weight
 from reflectance_fit.physics.disk_light import DiskFrame
 from reflectance_fit.physics.quadrature import Integral, Integrand, integrate_pieces
 from reflectance_fit.physics.radiometry import checked_direction, checked_point
+from reflectance_fit.physics.sphere_area import sphere_by_area
 
 Floats = NDArray[np.float64]
-Weight = Callable[[Floats], Floats]
 
 _NOTHING = Integral(0.0, 0.0, True)
+_TINY = np.finfo(np.float64).tiny
+
+
+_End = tuple[Floats, float]  # a point from the receiver, and its height above the horizon
 
 
 class _Piece(NamedTuple):
-    """A piece of a boundary, by u in [0, 1]: point from the receiver, derivative, height above the horizon."""
+    """A piece of a boundary, away from the apex, by u in [0, 1]: point from the receiver, derivative, height above the horizon."""
 
     point: Callable[[Floats], Floats]
     slope: Callable[[Floats], Floats]
@@ -61,7 +65,7 @@ def irradiance_by_area(
     """
     position, normal = checked_point(position, "position"), checked_direction(normal, "normal")
     if isinstance(light, SphereLight):
-        return _sphere(light, position, normal, weight)
+        return sphere_by_area(light, position, normal, weight)
     facing = checked_direction(light.normal, "normal")
     if isinstance(light, RectangleLight):
         above = float(facing @ (position - light.corners[0]))
@@ -81,23 +85,30 @@ def _sector(
 ) -> Integrand:
     """Integrand for what lies between apex and a piece of the boundary, x = apex + s (rim(u) - apex)."""
 
-    # s = core sinh(stretch t) spreads the peak of a near light, of width core, over half of [0, 1].
-    reach = float(np.max(np.linalg.norm(piece.point(np.linspace(0.0, 1.0, 9)) - apex, axis=-1)))
-    core = float(np.linalg.norm(apex)) / max(reach, np.finfo(np.float64).tiny)
-    stretch = float(np.arcsinh(1.0 / core))
+    ends = piece.point(np.array([0.0, 1.0]))
+    near = float(np.linalg.norm(ends[0] - apex) + np.linalg.norm(apex))
+    graded_u = _graded(near, float(np.linalg.norm(ends[1] - ends[0])))
+    graded_s = _graded(float(np.linalg.norm(apex)), float(np.max(np.linalg.norm(ends - apex, axis=-1))))
 
     def integrand(x: Floats) -> Floats:
-        s, u = core * np.sinh(stretch * x[..., 0]), x[..., 1]
-        step = core * stretch * np.cosh(stretch * x[..., 0])
+        (s, step_s), (u, step_u) = graded_s(x[..., 0]), graded_u(x[..., 1])
         spoke = piece.point(u) - apex
         point = apex + s[..., None] * spoke
         area = s * np.abs(np.sum(facing * np.cross(spoke, piece.slope(u)), axis=-1))
         height = (1.0 - s) * apex_height + s * piece.height(u)
         r = np.linalg.norm(point, axis=-1)
-        value = (height / r) * (above / r) * (area * step / r / r)
+        value = np.asarray((height / r) * (above / r) * (area * step_s * step_u / r / r))
         return value if weight is None else value * weight(point / r[..., None])
 
     return integrand
+
+
+def _graded(core: float, length: float) -> Callable[[Floats], tuple[Floats, Floats]]:
+    """s(t) and ds/dt on [0, 1], c sinh(k t), which spreads a peak at 0 of width core / length over half of it."""
+    # A core wider than a million lengths grades nothing, and a piece without length adds nothing.
+    c = max(core / max(length, 1e-6 * core, _TINY), 1e-15)
+    k = float(np.arcsinh(1.0 / c))
+    return lambda t: (c * np.sinh(k * t), c * k * np.cosh(k * t))
 
 
 def _rectangle(
@@ -115,12 +126,12 @@ def _rectangle(
     if not any(height > 0.0 for _, height in clipped):
         return None
     sides = list(zip(clipped, clipped[1:] + clipped[:1], strict=True))
-    rim = [_segment(a, b, ha, hb) for (a, ha), (b, hb) in sides]
     foot = light.normal * float(light.normal @ corners[0])
-    inside = all(float(light.normal @ np.cross(b - a, foot - a)) >= 0.0 for (a, _), (b, _) in sides)
-    if inside:
-        return foot, max(float(foot @ normal), 0.0), rim
-    return *_nearest([_closest(a, b, ha, hb) for (a, ha), (b, hb) in sides]), rim
+    if all(float(light.normal @ np.cross(b - a, foot - a)) >= 0.0 for (a, _), (b, _) in sides):
+        apex, apex_height = foot, max(float(foot @ normal), 0.0)
+    else:
+        apex, apex_height = _nearest([_closest(np.zeros(3), *side) for side in sides])
+    return apex, apex_height, [half for side in sides for half in _halves(apex, *side)]
 
 
 def _disk(light: DiskLight, position: Floats, normal: Floats) -> tuple[Floats, float, list[_Piece]] | None:
@@ -144,28 +155,39 @@ def _disk(light: DiskLight, position: Floats, normal: Floats) -> tuple[Floats, f
         cut = 2.0 * swing * np.sin((half + turn) / 2.0) * np.sin((half - turn) / 2.0)
         return swing * np.cos(turn) - depth if whole else np.asarray(cut)
 
-    edges = middle + half * np.linspace(-1.0, 1.0, 5)
-    rim = [
-        _Piece(
-            lambda u, lo=lo, hi=hi: at(lo + (hi - lo) * u),
-            lambda u, lo=lo, hi=hi: (hi - lo) * (at(lo + (hi - lo) * u + np.pi / 2.0) - center),
-            lambda u, lo=lo, hi=hi: height(lo + (hi - lo) * u),
-        )
-        for lo, hi in pairwise(edges)
-    ]
-    ends = at(edges[[0, -1]])
-    if not whole:
-        rim.append(_segment(ends[1], ends[0], 0.0, 0.0))
-    foot = center + float(frame.rho) * frame.radial
+    start, stop = middle - half, middle + half
+    chord = (at(np.array(stop)), 0.0), (at(np.array(start)), 0.0)
     # The point of the disk nearest to the receiver, or of the chord if that one is below the horizon.
-    near = center + min(float(frame.rho), radius) * frame.radial
-    near = foot if float(frame.rho) <= radius else near
-    if (up := float(near @ normal)) >= 0.0:
-        return near, up, rim
-    return *_nearest([_closest(ends[1], ends[0], 0.0, 0.0)]), rim
+    apex = center + min(float(frame.rho), radius) * frame.radial
+    apex_height = float(apex @ normal)
+    if apex_height < 0.0:
+        apex, apex_height = _closest(np.zeros(3), *chord)
+    offset = apex - center
+    towards = float(np.arctan2(offset @ frame.across, offset @ frame.radial))
+    # Arcs of at most 90 degrees, away from the point nearest to the apex on both sides.
+    nearest = float(
+        np.clip(middle + np.remainder(towards - middle + np.pi, 2.0 * np.pi) - np.pi, start, stop)
+    )
+    turns = [nearest + (end - nearest) * share for end in (start, stop) for share in (0.0, 0.25, 0.5, 1.0)]
+    rim = [] if whole else _halves(apex, *chord)
+    for lo, hi in (*pairwise(turns[:4]), *pairwise(turns[4:])):
+        rim.append(
+            _Piece(
+                lambda u, lo=lo, hi=hi: at(lo + (hi - lo) * u),
+                lambda u, lo=lo, hi=hi: (hi - lo) * (at(lo + (hi - lo) * u + np.pi / 2.0) - center),
+                lambda u, lo=lo, hi=hi: height(lo + (hi - lo) * u),
+            )
+        )
+    return apex, apex_height, rim
 
 
-def _segment(a: Floats, b: Floats, height_a: float, height_b: float) -> _Piece:
+def _halves(apex: Floats, start: _End, stop: _End) -> list[_Piece]:
+    """A side in two, each from the point nearest to the apex."""
+    nearest = _closest(apex, start, stop)
+    return [_segment(*nearest, *end) for end in (start, stop)]
+
+
+def _segment(a: Floats, height_a: float, b: Floats, height_b: float) -> _Piece:
     return _Piece(
         lambda u: a + u[..., None] * (b - a),
         lambda u: np.broadcast_to(b - a, (*u.shape, 3)),
@@ -173,71 +195,13 @@ def _segment(a: Floats, b: Floats, height_a: float, height_b: float) -> _Piece:
     )
 
 
-def _closest(a: Floats, b: Floats, height_a: float, height_b: float) -> tuple[Floats, float]:
-    """The point of a segment nearest to the receiver, and its height."""
+def _closest(point: Floats, start: _End, stop: _End) -> _End:
+    """The point of a side nearest to another, and its height."""
+    (a, height_a), (b, height_b) = start, stop
     edge = b - a
-    u = float(np.clip(-(a @ edge) / max(float(edge @ edge), np.finfo(np.float64).tiny), 0.0, 1.0))
+    u = float(np.clip((point - a) @ edge / max(float(edge @ edge), _TINY), 0.0, 1.0))
     return a + u * edge, (1.0 - u) * height_a + u * height_b
 
 
-def _nearest(candidates: list[tuple[Floats, float]]) -> tuple[Floats, float]:
+def _nearest(candidates: list[_End]) -> _End:
     return min(candidates, key=lambda candidate: float(np.linalg.norm(candidate[0])))
-
-
-def _sphere(light: SphereLight, position: Floats, normal: Floats, weight: Weight | None) -> Integral:
-    """Over the cap that the receiver sees, by the angle omega from the axis towards it and the azimuth about that."""
-    towards, distance = light.checked_distance(position)
-    d, radius = float(distance), light.radius
-    axis = -towards / d
-    n1 = float(normal @ axis)
-    sideways = normal - n1 * axis
-    n2 = float(np.linalg.norm(sideways))
-    sideways = checked_direction(
-        sideways if n2 > 0.0 else np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))]), "side"
-    )
-    other = np.cross(axis, sideways)
-    limb = np.arctan2(np.sqrt((d - radius) * (d + radius)), radius)
-
-    def middle(omega: Floats) -> Floats:
-        """Height above the horizon at azimuth 90 degrees; swing(omega) cos(azimuth) is added to it."""
-        return -n1 * ((d - radius) + 2.0 * radius * np.sin(omega / 2.0) ** 2)
-
-    def swing(omega: Floats) -> Floats:
-        return n2 * radius * np.sin(omega)
-
-    def reach(omega: Floats) -> Floats:
-        """Azimuth at which the circle of omega sets."""
-        m, w = middle(omega), swing(omega)
-        setting = np.arctan2(np.sqrt(np.maximum((w - m) * (w + m), 0.0)), -m)
-        return np.where(m >= w, np.pi, np.where(m <= -w, 0.0, setting))
-
-    def integrand(x: Floats, lo: float, hi: float) -> Floats:
-        # sin^2 flattens the square roots with which reach begins and ends.
-        omega = lo + (hi - lo) * np.sin(np.pi / 2.0 * x[..., 0]) ** 2
-        step = (hi - lo) * np.pi / 2.0 * np.sin(np.pi * x[..., 0])
-        limit = reach(omega)
-        azimuth = limit * (2.0 * x[..., 1] - 1.0)
-        full = limit == np.pi
-        height = swing(omega) * np.where(
-            full, np.cos(azimuth), 2.0 * np.sin((limit + azimuth) / 2.0) * np.sin((limit - azimuth) / 2.0)
-        ) + np.where(full, middle(omega), 0.0)
-        r2 = (d - radius) ** 2 + 4.0 * d * radius * np.sin(omega / 2.0) ** 2
-        outwards = 2.0 * d * np.sin((limb + omega) / 2.0) * np.sin((limb - omega) / 2.0)
-        value = np.maximum(height, 0.0) * outwards / r2 * radius**2 / r2 * np.sin(omega) * step * 2.0 * limit
-        if weight is None:
-            return value
-        around = np.cos(azimuth)[..., None] * sideways + np.sin(azimuth)[..., None] * other
-        point = np.cos(omega)[..., None] * axis + np.sin(omega)[..., None] * around
-        seen = towards + radius * point
-        return value * weight(seen / np.linalg.norm(seen, axis=-1, keepdims=True))
-
-    # The horizon's plane touches a circle of omega where n1 cos(omega) -+ n2 sin(omega) = n1 d / R.
-    edges = [0.0, float(limb)]
-    if abs(n1) * d <= radius:
-        for sign in (-1.0, 1.0):
-            for branch in (-1.0, 1.0):
-                angle = sign * np.arctan2(n2, n1) + branch * np.arccos(n1 * d / radius)
-                edges.append(float(angle % (2.0 * np.pi)))
-    edges = sorted({edge for edge in edges if 0.0 <= edge <= limb})
-    pieces = [lambda x, lo=lo, hi=hi: integrand(x, lo, hi) for lo, hi in pairwise(edges)]
-    return integrate_pieces(pieces, 2).times(light.radiance)

@@ -6,6 +6,7 @@ Rectangles and disks shine from one side, that of their normal; spheres outwards
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,6 +96,8 @@ class SphereLight:
 
 
 Light = RectangleLight | DiskLight | SphereLight
+# Factor of a light's radiance, from unit vectors (..., 3) from the receiver to the light.
+Weight = Callable[[Floats], Floats]
 
 
 def _check_radius(radius: float) -> None:

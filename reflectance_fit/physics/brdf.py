@@ -94,7 +94,7 @@ def blinn_phong(albedo: float, exponent: float) -> Brdf:
 
 def mirrored(direction: Floats) -> Floats:
     """The mirror direction: x and y change sign; both point away from the surface."""
-    return direction * np.array([-1.0, -1.0, 1.0])
+    return np.asarray(direction * np.array([-1.0, -1.0, 1.0]))
 
 
 def _power(scale: float, exponent: float, gap: Floats) -> Floats:

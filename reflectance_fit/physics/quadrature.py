@@ -60,7 +60,7 @@ def integrate(f: Integrand, boxes: Floats, *, rtol: float = RTOL, atol: float = 
     volume = np.prod(size, axis=-1)
 
     def in_all(x: Floats) -> Floats:
-        return _finite(f(low + size * x[:, None, :])) * volume
+        return np.asarray(_finite(f(low + size * x[:, None, :])) * volume)
 
     dimensions = boxes.shape[-1]
     first = cubature(in_all, np.zeros(dimensions), np.ones(dimensions), max_subdivisions=0)
@@ -74,7 +74,7 @@ def integrate(f: Integrand, boxes: Floats, *, rtol: float = RTOL, atol: float = 
 def integrate_pieces(pieces: Sequence[Integrand], dimensions: int, *, rtol: float = RTOL) -> Integral:
     """Sum of the integrals of several functions, each over the unit box; otherwise as `integrate`."""
     corners = np.zeros(dimensions), np.ones(dimensions)
-    first = [cubature(lambda x, f=f: _finite(f(x)), *corners, max_subdivisions=0) for f in pieces]
+    first = [cubature(_guarded(f), *corners, max_subdivisions=0) for f in pieces]
     value, error = np.array([found.estimate for found in first]), np.array([found.error for found in first])
     return _refined(value, error, pieces.__getitem__, dimensions, rtol, 0.0)
 
@@ -93,9 +93,8 @@ def _refined(
     converged = True
     if error.sum() > allowed:
         for i in np.flatnonzero(error > share):
-            f = piece(int(i))
             found = cubature(
-                lambda x, f=f: _finite(f(x)),
+                _guarded(piece(int(i))),
                 np.zeros(dimensions),
                 np.ones(dimensions),
                 rtol=rtol,
@@ -113,6 +112,10 @@ def grid(*edges: Floats) -> Floats:
     high = np.meshgrid(*(e[1:] for e in edges), indexing="ij")
     corners = [np.stack([axis.ravel() for axis in side], axis=-1) for side in (low, high)]
     return np.stack(corners, axis=1)
+
+
+def _guarded(f: Integrand) -> Integrand:
+    return lambda x: _finite(f(x))
 
 
 def _finite(values: Floats) -> Floats:
