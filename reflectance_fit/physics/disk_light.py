@@ -43,6 +43,8 @@ class DiskFrame:
         offset = position - np.asarray(light.center, dtype=np.float64)
         h = np.sum(offset * normal, axis=-1)
         outward = offset - h[..., None] * normal
+        # Once more: close to the axis the first difference is rounding, which need not be perpendicular.
+        outward = outward - np.sum(outward * normal, axis=-1)[..., None] * normal
         rho = np.linalg.norm(outward, axis=-1)
         # On the axis any direction will do.
         some = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
@@ -59,8 +61,8 @@ def disk_contour(light: DiskLight, position: Floats, normal: Floats) -> tuple[Fl
 
     Notes
     -----
-    As `rectangle_contour`.  For a whole disk the result is that of J. R. Howell, A Catalog of Radiation
-    Configuration Factors, B-12 to B-17.  The primitive of 1 / |v|^2 is Kepler's true anomaly, written
+    As `rectangle_contour`.  For a whole disk the result is that of the elements to disks in J. R. Howell,
+    A Catalog of Radiation Configuration Factors (1982).  The primitive of 1 / |v|^2 is Kepler's true anomaly, written
     phi + 2 arctan(beta sin(phi) / (1 - beta cos(phi))), which neither jumps nor cancels.
     """
     frame, radius = DiskFrame.of(light, position), light.radius

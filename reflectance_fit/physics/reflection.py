@@ -44,7 +44,7 @@ def outgoing_radiance(brdf: Brdf, radiance: Radiance, outgoing: ArrayLike, emitt
     -------
     Integral
         Good to 1e-8 where ``converged``.  Lobes along the mirror direction and back towards outgoing
-        are found down to a width of 1e-6 rad.  Elsewhere what is narrower than 0.05 rad may lie
+        are found down to a width of 1e-5 rad.  Elsewhere what is narrower than 0.05 rad may lie
         between the points and go unseen; integrate a small light over itself instead (`area_form`).
 
     Raises

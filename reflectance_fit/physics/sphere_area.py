@@ -58,11 +58,11 @@ def sphere_by_area(light: SphereLight, position: Floats, normal: Floats, weight:
         outwards = 2.0 * d * np.sin((limb + omega) / 2.0) * np.sin((limb - omega) / 2.0)
         value = np.maximum(height, 0.0) * outwards / r2 * radius**2 / r2 * np.sin(omega) * step * 2.0 * limit
         if weight is None:
-            return value
+            return np.asarray(value)
         around = np.cos(azimuth)[..., None] * sideways + np.sin(azimuth)[..., None] * other
         point = np.cos(omega)[..., None] * axis + np.sin(omega)[..., None] * around
         seen = towards + radius * point
-        return value * weight(seen / np.linalg.norm(seen, axis=-1, keepdims=True))
+        return np.asarray(value * weight(seen / np.linalg.norm(seen, axis=-1, keepdims=True)))
 
     # The horizon's plane touches a circle of omega where n1 cos(omega) -+ n2 sin(omega) = n1 d / R.
     edges = [0.0, float(limb)]
