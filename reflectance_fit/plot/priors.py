@@ -78,7 +78,7 @@ def _panel(ax: Axes, values: NDArray[np.float64], prior: Prior | None) -> None:
     ax.set_xlim(*view)
     ax.set_ylim(bottom=0)
     ax.set_yticks([])
-    ax.set_xticks(style.inner_ticks(*view))
+    ax.set_xticks(style.inner_ticks(*view, most=2))
     ax.grid(visible=False)
     ax.spines["left"].set_visible(False)
 

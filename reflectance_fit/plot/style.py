@@ -143,12 +143,12 @@ def place_labels(ax: Axes, left: float) -> None:
     ax.yaxis.label.set_verticalalignment("top")
 
 
-def inner_ticks(low: float, high: float) -> NDArray[np.float64]:
-    """At most three round numbers, none so near an end that its label would run into the neighbour's."""
+def inner_ticks(low: float, high: float, most: int) -> NDArray[np.float64]:
+    """At most ``most`` round numbers, none so near an end that its label would run into the neighbour's."""
     room = 0.12 * (high - low)
     ticks: NDArray[np.float64] = np.asarray(MaxNLocator(4).tick_values(low, high))
     inner = ticks[(ticks > low + room) & (ticks < high - room)]
-    return inner if len(inner) <= 3 else inner[::2]
+    return inner[:: max(1, -(-len(inner) // most))]
 
 
 def heading(figure: Figure, text: str) -> None:

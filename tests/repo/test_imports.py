@@ -34,7 +34,7 @@ HOMES = {
     "emcee": ("reflectance_fit.inference.posterior", "reflectance_fit.inference.ensembles"),
     "arviz_stats": "reflectance_fit.inference",
     "matplotlib": "reflectance_fit.plot",
-    "corner": "reflectance_fit.plot",
+    "PIL": "reflectance_fit.plot",
     "click": "reflectance_fit.cli",
     "rich": "reflectance_fit.cli",
     "h5netcdf": ("reflectance_fit.report.netcdf", "reflectance_fit.observations_file"),

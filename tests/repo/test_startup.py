@@ -17,7 +17,7 @@ from reflectance_fit.data_synthetic.sensor import Sensor
 from reflectance_fit.data_synthetic.spec import standard_spec
 from reflectance_fit.data_synthetic.tables import write_example
 
-HEAVY = {"numpy", "scipy", "numba", "emcee", "nlopt", "colour", "matplotlib", "corner", "h5py", "h5netcdf"} | {
+HEAVY = {"numpy", "scipy", "numba", "emcee", "nlopt", "colour", "matplotlib", "PIL", "h5py", "h5netcdf"} | {
     "pydantic", "rich", "yaml", "ruamel", "arviz_stats"
 }  # fmt: skip
 
