@@ -1,14 +1,12 @@
-"""Fresnel's equations at one interface, in forms that do not cancel.
+"""Fresnel's equations at one interface, at three rungs of accuracy.
 
-With c = cos(theta_i), s^2 = sin^2(theta_i) and w = (eta + ik) cos(theta_t) = u + iv,
-
-    r_s = (c - w) / (c + w)                = (1 - eps) / (c + w)^2
-    r_p = (eps c - w) / (eps c + w)        = -r_s (eps c^2 - s^2) / (w c + s^2)^2
-
-where eps = (eta + ik)^2 and eps c + w = (w c + s^2)(w + c).  The right-hand
-sides subtract nothing that the data do not subtract themselves, so they keep
-their digits at index match and at grazing incidence; what remains is lost at
-Brewster's and at the critical angle only.
+``plain`` is float64 in forms that cancel nowhere but where the data do: a few
+ulp, except that the powers lose digits near Brewster's angle, near the
+critical angle and at an index near zero.  ``compensated`` computes what
+cancels there exactly and keeps all digits but the last four bits, everywhere.
+``double_word`` computes in pairs of floats and is right to the last bit or
+two; it is the reference of the other two.  The formulas stand in
+``differences`` and ``chain``, their compilation in ``rungs``.
 
 Signs of docs/conventions.md: time factor exp(-i omega t), r_p = -r_s at
 normal incidence (Verdet).
@@ -16,25 +14,32 @@ normal incidence (Verdet).
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reflectance_fit.physics.domain import checked_cosine, checked_index
-from reflectance_fit.physics.snell import normal_component
+from reflectance_fit.angles import cos_sin_deg
+from reflectance_fit.physics import rungs
+from reflectance_fit.physics.domain import (
+    checked_angle,
+    checked_angle_deg,
+    checked_cosine,
+    checked_eta_minus_one,
+    checked_extinction,
+    checked_index,
+)
+from reflectance_fit.physics.extremes import in_decimals, out_of_range
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-Rung = Literal["plain"]
+Rung = Literal["plain", "compensated", "double_word"]
 
-# Below this transmittance R is its complement: R stays at or below 1 by construction, and T keeps its digits.
-_SMALL_TRANSMITTANCE = 0.3
-_TINY = np.finfo(np.float64).tiny
+_NO_SINE = -1.0
 
 
 class Reflectances(NamedTuple):
-    """Power over incident power; float, shape S.
+    """Power over incident power; float64 or float32, shape S.
 
     ``mean`` and ``transmitted`` hold for unpolarized light.  Transmitted power
     is all that enters: a conductor absorbs it.
@@ -49,8 +54,8 @@ class Reflectances(NamedTuple):
 
 
 def amplitudes(
-    cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, *, rung: Rung = "compensated"
+) -> tuple[Complexes, Complexes]:
     """Return r_s and r_p, the reflected over the incident field.
 
     Parameters
@@ -59,17 +64,21 @@ def amplitudes(
         Cosine of the angle of incidence, measured from the normal; in [0, 1].
     eta, k : float, broadcastable to S
         Index of the far medium relative to the near one, eta + ik.
+    rung : {"plain", "compensated", "double_word"}
+        How much arithmetic to spend; see the module.
 
     Returns
     -------
     r_s, r_p : complex, shape S
         Equal and opposite at normal incidence, both -1 at grazing incidence,
-        zero for eta + ik = 1, where there is no interface.
+        zero for eta + ik = 1, where there is no interface.  complex64 where
+        every array is float32, else complex128.
 
     Raises
     ------
     ValueError
-        If cos_theta_i is outside [0, 1], eta is not positive, or k is negative.
+        If cos_theta_i is outside [0, 1], eta is not positive, k is negative or
+        the rung is unknown.
 
     Notes
     -----
@@ -83,21 +92,16 @@ def amplitudes(
     -0.200 0.200
     """
     c = checked_cosine(cos_theta_i)
-    eta, k = checked_index(eta, k)
-    s2 = (1.0 - c) * (1.0 + c)
-    u, v, _ = normal_component(c, s2, eta, k)
-    w = np.asarray(u + 1j * v, dtype=np.complex128)
-    index = np.asarray(eta + 1j * k, dtype=np.complex128)
-    # c + w vanishes only at grazing incidence on an index match, where index - 1 is 0 too.
-    total = np.where(np.abs(c + w) < _TINY, 1.0 + 0.0j, c + w)
-    r_s = -((index - 1.0) / total) * ((index + 1.0) / total)
-    numerator, denominator = rho_parts(c, s2, eta, k, w)
-    r_p = r_s * (numerator / denominator) / denominator
-    return r_s[()], r_p[()]
+    index, extinction = checked_index(eta, k)
+    parts = _evaluate(False, rung, c, _NO_SINE, index, index - 1.0, extinction)
+    # Adding 0 turns -0 into 0: the phase of a negative r is +pi.
+    r_s, r_p = parts[0] + 1j * (parts[1] + 0.0), parts[2] + 1j * (parts[3] + 0.0)
+    kind = np.result_type(_kind(cos_theta_i, eta, k), np.complex64)
+    return r_s.astype(kind)[()], r_p.astype(kind)[()]
 
 
 def reflectances(
-    cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, *, rung: Rung = "plain"
+    cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, *, rung: Rung = "compensated"
 ) -> Reflectances:
     """Return the reflected and the entering power, over the incident power.
 
@@ -107,8 +111,8 @@ def reflectances(
         Cosine of the angle of incidence, measured from the normal; in [0, 1].
     eta, k : float, broadcastable to S
         Index of the far medium relative to the near one, eta + ik.
-    rung : {"plain"}
-        How much arithmetic to spend; "plain" is float64 throughout.
+    rung : {"plain", "compensated", "double_word"}
+        How much arithmetic to spend; see the module.
 
     Returns
     -------
@@ -116,7 +120,7 @@ def reflectances(
         Each within [0, 1], never NaN; R + T = 1 for each polarisation.  Beyond
         the critical angle of a transparent medium R is exactly 1 and T exactly
         0.  No interface (eta + ik = 1) reflects nothing, at grazing incidence
-        too.
+        too.  float32 where every array is float32, else float64.
 
     Raises
     ------
@@ -129,24 +133,80 @@ def reflectances(
     >>> print(f"{reflectances(1.0, 1.5).mean:.3f}")
     0.040
     """
-    if rung != "plain":
-        raise ValueError(f"no rung {rung!r}; there is only 'plain'")
     c = checked_cosine(cos_theta_i)
-    eta, k = checked_index(eta, k)
-    s2 = (1.0 - c) * (1.0 + c)
-    u, v, modulus = normal_component(c, s2, eta, k)
-    # The floor acts only where c, eta - 1 and k all vanish, or their squares underflow.  e needs none: see rho_parts.
-    d = np.maximum((c + u) ** 2 + v**2, _TINY)
-    e = (u * c + s2) ** 2 + (v * c) ** 2
-    transmitted_s = 4.0 * c * u / d
-    transmitted_p = transmitted_s * (modulus + s2) / e
-    direct_s = (((eta - 1.0) / d) ** 2 + (k / d) ** 2) * ((eta + 1.0) ** 2 + k**2)
-    real = (eta - k) * (eta + k) * c**2 - s2
-    direct_p = direct_s * ((real / e) ** 2 + (2.0 * eta * k * c**2 / e) ** 2)
-    matched = (eta == 1.0) & (k == 0.0)
-    s, entered_s = _complementary(direct_s, transmitted_s, matched)
-    p, entered_p = _complementary(direct_p, transmitted_p, matched)
-    return Reflectances(s, p, ((s + p) / 2.0)[()], entered_s, entered_p, ((entered_s + entered_p) / 2.0)[()])
+    index, extinction = checked_index(eta, k)
+    parts = _evaluate(True, rung, c, _NO_SINE, index, index - 1.0, extinction)
+    return _reflectances(parts, _kind(cos_theta_i, eta, k))
+
+
+def reflectances_at_angle(
+    theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, *, rung: Rung = "compensated"
+) -> Reflectances:
+    """As ``reflectances`` of an angle of incidence in radians, in [0, pi/2].
+
+    Below 45 degrees sin(theta_i) leads, above it cos(theta_i): neither is
+    found from the other where that would lose digits.  What remains is the
+    rounding of the leading one, times how the powers depend on it.
+
+    Raises ValueError as ``reflectances``, and outside [0, pi/2].
+
+    Examples
+    --------
+    >>> print(f"{reflectances_at_angle(0.0, 1.5).mean:.3f}")
+    0.040
+    """
+    theta = checked_angle(theta_i)
+    kind = _kind(theta_i, eta, k)
+    return _at(np.cos(theta), np.sin(theta), eta, k, rung, kind)
+
+
+def reflectances_at_deg(
+    theta_i_deg: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, *, rung: Rung = "compensated"
+) -> Reflectances:
+    """As ``reflectances_at_angle`` of degrees, in [0, 90]; good near 90 degrees, which radians cannot name exactly.
+
+    Raises ValueError as ``reflectances``, and outside [0, 90].
+
+    Examples
+    --------
+    >>> print(f"{reflectances_at_deg(90.0, 1.5).mean:.3f}")
+    1.000
+    """
+    c, sine = cos_sin_deg(checked_angle_deg(theta_i_deg))
+    kind = _kind(theta_i_deg, eta, k)
+    return _at(c, sine, eta, k, rung, kind)
+
+
+def reflectances_near_match(
+    cos_theta_i: ArrayLike, eta_minus_one: ArrayLike, k: ArrayLike = 0.0, *, rung: Rung = "compensated"
+) -> Reflectances:
+    """As ``reflectances`` of eta = 1 + eta_minus_one without rounding that sum.
+
+    Parameters
+    ----------
+    cos_theta_i : float, shape S
+        Cosine of the angle of incidence, in [0, 1].
+    eta_minus_one : float, broadcastable to S
+        Distance of the relative index from 1, in [-0.5, 1].
+    k : float, broadcastable to S
+        Its imaginary part, not negative.
+    rung : {"plain", "compensated", "double_word"}
+        How much arithmetic to spend; see the module.
+
+    Raises
+    ------
+    ValueError
+        If one is outside its range or the rung is unknown.
+
+    Examples
+    --------
+    >>> print(f"{reflectances_near_match(1.0, 1e-20).mean:.2e}")
+    2.50e-41
+    """
+    c = checked_cosine(cos_theta_i)
+    distance, extinction = checked_eta_minus_one(eta_minus_one), checked_extinction(k)
+    parts = _evaluate(True, rung, c, _NO_SINE, 1.0 + distance, distance, extinction)
+    return _reflectances(parts, _kind(cos_theta_i, eta_minus_one, k))
 
 
 def r0(eta: ArrayLike, k: ArrayLike = 0.0) -> Floats:
@@ -193,11 +253,39 @@ def rho_parts(c: Floats, s2: Floats, eta: Floats, k: Floats, w: Complexes) -> tu
     return -(real + 2j * eta * k * c**2), w * c + s2
 
 
-def _complementary(
-    reflected: Floats, transmitted: Floats, matched: NDArray[np.bool_]
-) -> tuple[Floats, Floats]:
-    """The pair R, T with R + T = 1, from whichever of the two is known better."""
-    small = transmitted < _SMALL_TRANSMITTANCE
-    r = np.where(matched, 0.0, np.where(small, 1.0 - transmitted, reflected))
-    t = np.where(matched, 1.0, np.where(small, transmitted, 1.0 - reflected))
-    return r[()], t[()]
+def _at(
+    c: Floats, sine: Floats, eta: ArrayLike, k: ArrayLike, rung: Rung, kind: np.dtype[Any]
+) -> Reflectances:
+    """From cosine and sine of one angle: the smaller leads."""
+    index, extinction = checked_index(eta, k)
+    leading_sine = np.where(sine <= c, sine, _NO_SINE)
+    return _reflectances(_evaluate(True, rung, c, leading_sine, index, index - 1.0, extinction), kind)
+
+
+def _evaluate(powers: bool, rung: Rung, *arguments: Floats | float) -> Floats:
+    """Four rows of broadcast shape: a kernel's, decimals' where it has no room, nothing where no interface is."""
+    if rung not in get_args(Rung):
+        raise ValueError(f"no rung {rung!r}; choose 'plain', 'compensated' or 'double_word'")
+    whole = np.broadcast_arrays(*arguments)
+    flat = [np.ascontiguousarray(argument, dtype=np.float64).ravel() for argument in whole]
+    out = rungs.evaluate(powers, rung, *flat)
+    c, _, eta, eta_minus_one, k = flat
+    beyond = np.flatnonzero(out_of_range(c, eta, eta_minus_one, k))
+    if beyond.size:
+        core = rungs.plain_powers if powers else rungs.plain_amplitudes
+        out[:, beyond] = in_decimals(core, *(argument[beyond] for argument in flat))
+        nothing = (eta_minus_one == 0.0) & (k == 0.0)
+        out[:, nothing] = np.array([[0.0], [0.0], [1.0], [1.0]]) if powers else 0.0
+    return out.reshape(4, *whole[0].shape)
+
+
+def _reflectances(parts: Floats, kind: np.dtype[Any]) -> Reflectances:
+    s, p, transmitted_s, transmitted_p = parts
+    rows = (s, p, 0.5 * (s + p), transmitted_s, transmitted_p, 0.5 * (transmitted_s + transmitted_p))
+    return Reflectances(*(row.astype(kind)[()] for row in rows))
+
+
+def _kind(*inputs: ArrayLike) -> np.dtype[Any]:
+    """float32 where numpy's promotion says so, Python's numbers being weak; else float64."""
+    kinds = (x if isinstance(x, int | float) else np.asarray(x).dtype for x in inputs)
+    return np.dtype(np.float32 if np.result_type(*kinds) == np.float32 else np.float64)

@@ -18,6 +18,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba import njit
+from numba.extending import register_jitable
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -49,14 +50,14 @@ def _private_folder() -> Path | None:
 _FOLDER = _private_folder()
 
 
-def _compile(function: Function, *, forceinline: bool) -> Function:
+def _compile(function: Function, *, forceinline: bool = False, nogil: bool = False) -> Function:
     # numba reads the folder when it decorates; other libraries' kernels keep theirs.
     before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
     numba.config.CACHE_DIR = str(_FOLDER or before)  # type: ignore[attr-defined]
     try:
-        compiled: Any = njit(cache=_FOLDER is not None, error_model="numpy", forceinline=forceinline)(
-            function
-        )
+        compiled: Any = njit(
+            cache=_FOLDER is not None, error_model="numpy", forceinline=forceinline, nogil=nogil
+        )(function)
         return cast(Function, compiled)
     finally:
         numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
@@ -64,9 +65,19 @@ def _compile(function: Function, *, forceinline: bool) -> Function:
 
 def kernel(function: Function) -> Function:
     """Compile strictly (no fastmath), division by zero as numpy has it, cached when that is safe."""
-    return _compile(function, forceinline=False)
+    return _compile(function)
+
+
+def threadable(function: Function) -> Function:
+    """As ``kernel``, for loops over arrays: other threads run beside it."""
+    return _compile(function, nogil=True)
 
 
 def inlined(function: Function) -> Function:
     """As ``kernel``, for small helpers: inlined, because a tuple of arrays is costly to hand over."""
     return _compile(function, forceinline=True)
+
+
+def shared(function: Function) -> Function:
+    """Leave a function as it is, for floats and numpy arrays, and let kernels compile it into themselves."""
+    return register_jitable(error_model="numpy", forceinline=True)(function)
