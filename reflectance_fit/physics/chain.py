@@ -109,6 +109,30 @@ def unpolarized(
 
 
 @shared
+def unpolarized_dielectric(
+    fused: Fused,
+    c: Word,
+    one: Number,
+    s2: Number,
+    a: Number,
+    d: Number,
+    contrast: Number,
+    re_eps: Number,
+) -> Word:
+    """The same for k = 0, where w is real: D = (c + w)^2, E = (w c + s^2)^2 and h + s^2 = eps."""
+    below = leading(a) <= 0
+    w = root(choose(below, scale(0, one), a))
+    cosine = scale(c, one)
+    y = fused(w, cosine, s2)
+    e = square(y)
+    inverse = divide(one, square(multiply(add(cosine, w), y)))
+    transmitted = multiply(multiply(scale(c + c, w), inverse), add(e, re_eps))
+    reflected = halve(multiply(square(multiply(contrast, inverse)), fused(d, d, square(e))))
+    mostly = leading(transmitted) < 0.5
+    return rounded(choose(mostly, add(one, negative(transmitted)), reflected))
+
+
+@shared
 def _complementary(one: Number, r: Number, t: Number) -> tuple[Word, Word]:
     """R and T as words with R + T = 1, from the smaller of the two: neither is negative or above 1."""
     transmits_less = leading(t) < leading(r)

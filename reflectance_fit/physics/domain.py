@@ -11,13 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 # Squares of the index appear in products of two: 1e100 keeps every one of them finite and normal.
 LARGEST_INDEX = 1e100
 SMALLEST_ETA = 1e-100
+BAD_COSINE = "cos_theta_i must be a cosine in [0, 1]; is it an angle in degrees?"
 
 
 def checked_cosine(cos_theta_i: ArrayLike) -> NDArray[np.float64]:
     """Cosine of an angle of incidence as float64, or ValueError outside [0, 1]."""
     cosine = np.asarray(cos_theta_i, dtype=np.float64)
     if not np.all((cosine >= 0.0) & (cosine <= 1.0)):
-        raise ValueError("cos_theta_i must be a cosine in [0, 1]; is it an angle in degrees?")
+        raise ValueError(BAD_COSINE)
     return cosine
 
 

@@ -36,6 +36,7 @@ Complexes = NDArray[np.complex128]
 Rung = Literal["plain", "compensated", "double_word"]
 
 _NO_SINE = -1.0
+_BLOCK = 8192
 
 
 class Reflectances(NamedTuple):
@@ -267,22 +268,32 @@ def _evaluate(powers: bool, rung: Rung, *arguments: Floats | float) -> Floats:
     if rung not in get_args(Rung):
         raise ValueError(f"no rung {rung!r}; choose 'plain', 'compensated' or 'double_word'")
     whole = np.broadcast_arrays(*arguments)
-    flat = [np.ascontiguousarray(argument, dtype=np.float64).ravel() for argument in whole]
-    out = rungs.evaluate(powers, rung, *flat)
-    c, _, eta, eta_minus_one, k = flat
+    # What broadcasting repeats is spelled out block by block, so that the temporaries stay in cache.
+    flat = [argument.reshape(-1) if argument.flags.c_contiguous else argument.flat for argument in whole]
+    out = np.empty((4, whole[0].size))
+    for start in range(0, whole[0].size, _BLOCK):
+        block = slice(start, start + _BLOCK)
+        out[:, block] = _evaluate_block(powers, rung, *(np.array(argument[block]) for argument in flat))
+    return out.reshape(4, *whole[0].shape)
+
+
+def _evaluate_block(
+    powers: bool, rung: Rung, c: Floats, sine: Floats, eta: Floats, eta_minus_one: Floats, k: Floats
+) -> Floats:
+    out = rungs.evaluate(powers, rung, c, sine, eta, eta_minus_one, k)
     beyond = np.flatnonzero(out_of_range(c, eta, eta_minus_one, k))
     if beyond.size:
         core = rungs.plain_powers if powers else rungs.plain_amplitudes
-        out[:, beyond] = in_decimals(core, *(argument[beyond] for argument in flat))
+        out[:, beyond] = in_decimals(core, *(x[beyond] for x in (c, sine, eta, eta_minus_one, k)))
         nothing = (eta_minus_one == 0.0) & (k == 0.0)
         out[:, nothing] = np.array([[0.0], [0.0], [1.0], [1.0]]) if powers else 0.0
-    return out.reshape(4, *whole[0].shape)
+    return out
 
 
 def _reflectances(parts: Floats, kind: np.dtype[Any]) -> Reflectances:
     s, p, transmitted_s, transmitted_p = parts
     rows = (s, p, 0.5 * (s + p), transmitted_s, transmitted_p, 0.5 * (transmitted_s + transmitted_p))
-    return Reflectances(*(row.astype(kind)[()] for row in rows))
+    return Reflectances(*(row.astype(kind, copy=False)[()] for row in rows))
 
 
 def _kind(*inputs: ArrayLike) -> np.dtype[Any]:

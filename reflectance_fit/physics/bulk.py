@@ -1,0 +1,226 @@
+"""Unpolarized reflectance of one index over many angles, as fast as memory and arithmetic allow.
+
+The rungs are those of ``fresnel``; what depends on the index alone is
+computed once, and one division serves both polarisations.  Kernels of strict
+arithmetic run side by side on slices of the arrays, one a thread, and make no
+temporaries.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from typing import Any, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reflectance_fit.physics import chain
+from reflectance_fit.physics.differences import (
+    exact_differences,
+    exact_index,
+    exact_squares,
+    plain_differences,
+    plain_index,
+    plain_squares,
+)
+from reflectance_fit.physics.domain import BAD_COSINE, checked_index
+from reflectance_fit.physics.extremes import out_of_range
+from reflectance_fit.physics.fresnel import Rung, reflectances
+from reflectance_fit.physics.jit import threadable
+from reflectance_fit.physics.pairs import add, multiply, multiply_add, rounded, square
+from reflectance_fit.physics.words import fma, warn_without_fma
+
+Floats = NDArray[np.float32] | NDArray[np.float64]
+
+_BLOCK = 1 << 16
+
+
+def unpolarized(
+    cos_theta_i: Floats,
+    eta: float,
+    k: float = 0.0,
+    *,
+    rung: Rung = "compensated",
+    threads: int = 1,
+    out: Floats | None = None,
+) -> Floats:
+    """Return (R_s + R_p) / 2 of one interface at many angles.
+
+    Parameters
+    ----------
+    cos_theta_i : float32 or float64, shape (N,), contiguous
+        Cosines of the angles of incidence, in [0, 1].
+    eta, k : float
+        Index of the far medium relative to the near one, eta + ik.
+    rung : {"plain", "compensated", "double_word"}
+        How much arithmetic to spend; see ``fresnel``.
+    threads : int
+        How many threads to run on.
+    out : same type and shape as cos_theta_i, optional
+        Where to put the result; a fresh array costs as much as plain arithmetic.
+
+    Returns
+    -------
+    float32 or float64, shape (N,)
+        Within [0, 1]; ``out`` where it was given.  float32 is computed in
+        float64 and rounded once.
+
+    Raises
+    ------
+    ValueError
+        If an argument is outside its range, or an array of another kind.
+
+    Examples
+    --------
+    >>> print(f"{unpolarized(np.array([1.0]), 1.5)[0]:.3f}")
+    0.040
+    """
+    if rung not in get_args(Rung):
+        raise ValueError(f"no rung {rung!r}; choose 'plain', 'compensated' or 'double_word'")
+    if threads < 1:
+        raise ValueError(f"threads must be at least 1, not {threads}")
+    index, extinction = (float(x) for x in checked_index(eta, k))
+    c = np.asarray(cos_theta_i)
+    if c.dtype not in (np.float32, np.float64) or c.ndim != 1 or not c.flags.c_contiguous:
+        raise ValueError("cos_theta_i must be a contiguous float32 or float64 array of one dimension")
+    if out is None:
+        out = np.empty_like(c)
+    if out.dtype != c.dtype or out.shape != c.shape or not out.flags.c_contiguous:
+        raise ValueError("out must be of the type and shape of cos_theta_i, and contiguous")
+    if rung != "plain":
+        warn_without_fma()
+    kernel = _KERNELS[rung, extinction > 0.0]
+    # At a cosine of 0 the index alone decides whether the kernels have room.
+    has_room = not out_of_range(*(np.array([x]) for x in (0.0, index, index - 1.0, extinction)))[0]
+
+    def fill(part: slice) -> bool:
+        if has_room:
+            return bool(kernel(c[part], index, extinction, out[part]))
+        for start in range(part.start, part.stop, _BLOCK):
+            block = slice(start, min(start + _BLOCK, part.stop))
+            out[block] = reflectances(c[block], index, extinction, rung=rung).mean
+        return True
+
+    parts = _parts(c.size, threads)
+    if threads == 1:
+        good = [fill(parts[0])]
+    else:
+        with ThreadPoolExecutor(threads) as pool:
+            good = list(pool.map(fill, parts))
+    if not all(good):
+        raise ValueError(BAD_COSINE)
+    return out
+
+
+def _parts(size: int, threads: int) -> list[slice]:
+    """Slices of nearly equal length, one a thread, that share no cache line."""
+    edges = [size * i // threads // 64 * 64 for i in range(threads)] + [size]
+    return [slice(a, b) for a, b in pairwise(edges)]
+
+
+@threadable
+def _plain_dielectric(c: Any, eta: float, k: float, out: Any) -> bool:
+    contrast, re_eps, _, _ = plain_index(eta, eta - 1.0, 0.0)
+    good = True
+    for i in range(c.size):
+        cosine = float(c[i])
+        c2, s2 = plain_squares(cosine, -1.0)
+        a, d = plain_differences(c2, s2, contrast, re_eps)
+        out[i] = chain.unpolarized_dielectric(multiply_add, cosine, 1.0, s2, a, d, contrast, re_eps)
+        good &= (cosine >= 0.0) & (cosine <= 1.0)
+    return good
+
+
+@threadable
+def _compensated_dielectric(c: Any, eta: float, k: float, out: Any) -> bool:
+    contrast, opposite, _, _ = exact_index(eta, eta - 1.0, 0.0)
+    good = True
+    for i in range(c.size):
+        cosine = float(c[i])
+        c2, s2 = exact_squares(cosine, -1.0)
+        a, d = exact_differences(c2, contrast, opposite)
+        out[i] = chain.unpolarized_dielectric(
+            fma, cosine, 1.0, rounded(s2), rounded(a), rounded(d), contrast[0], eta * eta
+        )
+        good &= (cosine >= 0.0) & (cosine <= 1.0)
+    return good
+
+
+@threadable
+def _double_word_dielectric(c: Any, eta: float, k: float, out: Any) -> bool:
+    contrast, opposite, _, _ = exact_index(eta, eta - 1.0, 0.0)
+    re_eps, one = square((eta, 0.0)), (1.0, 0.0)
+    good = True
+    for i in range(c.size):
+        cosine = float(c[i])
+        c2, s2 = exact_squares(cosine, -1.0)
+        a, d = exact_differences(c2, contrast, opposite)
+        out[i] = chain.unpolarized_dielectric(
+            multiply_add, cosine, one, s2, a, d, (contrast[0], contrast[1]), re_eps
+        )
+        good &= (cosine >= 0.0) & (cosine <= 1.0)
+    return good
+
+
+@threadable
+def _plain_conductor(c: Any, eta: float, k: float, out: Any) -> bool:
+    contrast, re_eps, b, contrast2 = plain_index(eta, eta - 1.0, k)
+    good = True
+    for i in range(c.size):
+        cosine = float(c[i])
+        c2, s2 = plain_squares(cosine, -1.0)
+        a, d = plain_differences(c2, s2, contrast, re_eps)
+        wave2, bc2 = a * a + b * b, b * c2
+        out[i] = chain.unpolarized(
+            multiply_add, cosine, 1.0, c2, s2, a, b, wave2, contrast2, d * d + bc2 * bc2
+        )
+        good &= (cosine >= 0.0) & (cosine <= 1.0)
+    return good
+
+
+@threadable
+def _compensated_conductor(c: Any, eta: float, k: float, out: Any) -> bool:
+    contrast, opposite, b_pair, contrast2 = exact_index(eta, eta - 1.0, k)
+    b, b2 = rounded(b_pair), rounded(square(b_pair))
+    good = True
+    for i in range(c.size):
+        cosine = float(c[i])
+        words, s2 = exact_squares(cosine, -1.0)
+        a_pair, d_pair = exact_differences(words, contrast, opposite)
+        c2, a, d = words[0], rounded(a_pair), rounded(d_pair)
+        wave2, brewster2 = fma(a, a, b2), fma(d, d, b2 * (c2 * c2))
+        out[i] = chain.unpolarized(
+            fma, cosine, 1.0, c2, rounded(s2), a, b, wave2, rounded(contrast2), brewster2
+        )
+        good &= (cosine >= 0.0) & (cosine <= 1.0)
+    return good
+
+
+@threadable
+def _double_word_conductor(c: Any, eta: float, k: float, out: Any) -> bool:
+    contrast, opposite, b, contrast2 = exact_index(eta, eta - 1.0, k)
+    b2 = square(b)
+    good = True
+    for i in range(c.size):
+        cosine = float(c[i])
+        words, s2 = exact_squares(cosine, -1.0)
+        a, d = exact_differences(words, contrast, opposite)
+        c2 = (words[0], words[1])
+        wave2, brewster2 = add(square(a), b2), add(square(d), square(multiply(b, c2)))
+        out[i] = chain.unpolarized(
+            multiply_add, cosine, (1.0, 0.0), c2, s2, a, b, wave2, contrast2, brewster2
+        )
+        good &= (cosine >= 0.0) & (cosine <= 1.0)
+    return good
+
+
+_KERNELS: dict[tuple[str, bool], Callable[..., bool]] = {
+    ("plain", False): _plain_dielectric,
+    ("compensated", False): _compensated_dielectric,
+    ("double_word", False): _double_word_dielectric,
+    ("plain", True): _plain_conductor,
+    ("compensated", True): _compensated_conductor,
+    ("double_word", True): _double_word_conductor,
+}
