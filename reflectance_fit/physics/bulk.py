@@ -21,6 +21,7 @@ from reflectance_fit.physics.differences import (
     exact_differences,
     exact_index,
     exact_squares,
+    fused_differences,
     plain_differences,
     plain_index,
     plain_squares,
@@ -29,7 +30,7 @@ from reflectance_fit.physics.domain import BAD_COSINE, checked_index
 from reflectance_fit.physics.extremes import out_of_range
 from reflectance_fit.physics.fresnel import Rung, reflectances
 from reflectance_fit.physics.jit import threadable
-from reflectance_fit.physics.pairs import add, multiply, multiply_add, rounded, square
+from reflectance_fit.physics.pairs import add, multiply, multiply_add, negative, rounded, square
 from reflectance_fit.physics.words import fma, warn_without_fma
 
 Floats = NDArray[np.float32] | NDArray[np.float64]
@@ -121,98 +122,93 @@ def _parts(size: int, threads: int) -> list[slice]:
 
 
 @threadable
-def _plain_dielectric(c: Any, eta: float, k: float, out: Any) -> bool:
-    contrast, re_eps, _, _ = plain_index(eta, eta - 1.0, 0.0)
+def _plain_dielectric(cosines: Any, eta: float, k: float, out: Any) -> bool:
+    contrast, re_eps, _, contrast2 = plain_index(eta, eta - 1.0, k)
     good = True
-    for i in range(c.size):
-        cosine = float(c[i])
-        c2, s2 = plain_squares(cosine, -1.0)
+    for i in range(cosines.size):
+        c = float(cosines[i])
+        c2, s2 = plain_squares(c, -1.0)
         a, d = plain_differences(c2, s2, contrast, re_eps)
-        out[i] = chain.unpolarized_dielectric(multiply_add, cosine, 1.0, s2, a, d, contrast, re_eps)
-        good &= (cosine >= 0.0) & (cosine <= 1.0)
+        h, u = chain.dielectric_wave(1.0, a)
+        out[i] = chain.unpolarized(multiply_add, c, 1.0, c2, s2, h, u, contrast2, d * d)
+        good &= (c >= 0.0) & (c <= 1.0)
     return good
 
 
 @threadable
-def _compensated_dielectric(c: Any, eta: float, k: float, out: Any) -> bool:
-    contrast, opposite, _, _ = exact_index(eta, eta - 1.0, 0.0)
+def _compensated_dielectric(cosines: Any, eta: float, k: float, out: Any) -> bool:
+    contrast, _, _, contrast2 = exact_index(eta, eta - 1.0, k)
+    re_eps = square((eta, 0.0))
     good = True
-    for i in range(c.size):
-        cosine = float(c[i])
-        c2, s2 = exact_squares(cosine, -1.0)
-        a, d = exact_differences(c2, contrast, opposite)
-        out[i] = chain.unpolarized_dielectric(
-            fma, cosine, 1.0, rounded(s2), rounded(a), rounded(d), contrast[0], eta * eta
-        )
-        good &= (cosine >= 0.0) & (cosine <= 1.0)
+    for i in range(cosines.size):
+        c = float(cosines[i])
+        c2, s2, a, d = fused_differences(c, contrast, re_eps)
+        h, u = chain.dielectric_wave(1.0, a)
+        out[i] = chain.unpolarized(fma, c, 1.0, c2, s2, h, u, rounded(contrast2), d * d)
+        good &= (c >= 0.0) & (c <= 1.0)
     return good
 
 
 @threadable
-def _double_word_dielectric(c: Any, eta: float, k: float, out: Any) -> bool:
-    contrast, opposite, _, _ = exact_index(eta, eta - 1.0, 0.0)
-    re_eps, one = square((eta, 0.0)), (1.0, 0.0)
+def _double_word_dielectric(cosines: Any, eta: float, k: float, out: Any) -> bool:
+    contrast, opposite, _, contrast2 = exact_index(eta, eta - 1.0, k)
     good = True
-    for i in range(c.size):
-        cosine = float(c[i])
-        c2, s2 = exact_squares(cosine, -1.0)
-        a, d = exact_differences(c2, contrast, opposite)
-        out[i] = chain.unpolarized_dielectric(
-            multiply_add, cosine, one, s2, a, d, (contrast[0], contrast[1]), re_eps
-        )
-        good &= (cosine >= 0.0) & (cosine <= 1.0)
+    for i in range(cosines.size):
+        c = float(cosines[i])
+        words, s2 = exact_squares(c, -1.0)
+        a, d = exact_differences(words, contrast, opposite)
+        h, u = chain.dielectric_wave((1.0, 0.0), a)
+        c2 = (words[0], words[1])
+        out[i] = chain.unpolarized(multiply_add, c, (1.0, 0.0), c2, s2, h, u, contrast2, square(d))
+        good &= (c >= 0.0) & (c <= 1.0)
     return good
 
 
 @threadable
-def _plain_conductor(c: Any, eta: float, k: float, out: Any) -> bool:
+def _plain_conductor(cosines: Any, eta: float, k: float, out: Any) -> bool:
     contrast, re_eps, b, contrast2 = plain_index(eta, eta - 1.0, k)
     good = True
-    for i in range(c.size):
-        cosine = float(c[i])
-        c2, s2 = plain_squares(cosine, -1.0)
+    for i in range(cosines.size):
+        c = float(cosines[i])
+        c2, s2 = plain_squares(c, -1.0)
         a, d = plain_differences(c2, s2, contrast, re_eps)
-        wave2, bc2 = a * a + b * b, b * c2
-        out[i] = chain.unpolarized(
-            multiply_add, cosine, 1.0, c2, s2, a, b, wave2, contrast2, d * d + bc2 * bc2
-        )
-        good &= (cosine >= 0.0) & (cosine <= 1.0)
+        h, u, _ = chain.wave(a, b, a * a + b * b)
+        brewster2 = d * d + (b * c2) * (b * c2)
+        out[i] = chain.unpolarized(multiply_add, c, 1.0, c2, s2, h, u, contrast2, brewster2)
+        good &= (c >= 0.0) & (c <= 1.0)
     return good
 
 
 @threadable
-def _compensated_conductor(c: Any, eta: float, k: float, out: Any) -> bool:
-    contrast, opposite, b_pair, contrast2 = exact_index(eta, eta - 1.0, k)
+def _compensated_conductor(cosines: Any, eta: float, k: float, out: Any) -> bool:
+    contrast, _, b_pair, contrast2 = exact_index(eta, eta - 1.0, k)
+    re_eps = add(square((eta, 0.0)), negative(square((k, 0.0))))
     b, b2 = rounded(b_pair), rounded(square(b_pair))
     good = True
-    for i in range(c.size):
-        cosine = float(c[i])
-        words, s2 = exact_squares(cosine, -1.0)
-        a_pair, d_pair = exact_differences(words, contrast, opposite)
-        c2, a, d = words[0], rounded(a_pair), rounded(d_pair)
-        wave2, brewster2 = fma(a, a, b2), fma(d, d, b2 * (c2 * c2))
-        out[i] = chain.unpolarized(
-            fma, cosine, 1.0, c2, rounded(s2), a, b, wave2, rounded(contrast2), brewster2
-        )
-        good &= (cosine >= 0.0) & (cosine <= 1.0)
+    for i in range(cosines.size):
+        c = float(cosines[i])
+        c2, s2, a, d = fused_differences(c, contrast, re_eps)
+        h, u, _ = chain.wave(a, b, fma(a, a, b2))
+        brewster2 = fma(d, d, b2 * (c2 * c2))
+        out[i] = chain.unpolarized(fma, c, 1.0, c2, s2, h, u, rounded(contrast2), brewster2)
+        good &= (c >= 0.0) & (c <= 1.0)
     return good
 
 
 @threadable
-def _double_word_conductor(c: Any, eta: float, k: float, out: Any) -> bool:
+def _double_word_conductor(cosines: Any, eta: float, k: float, out: Any) -> bool:
     contrast, opposite, b, contrast2 = exact_index(eta, eta - 1.0, k)
     b2 = square(b)
     good = True
-    for i in range(c.size):
-        cosine = float(c[i])
-        words, s2 = exact_squares(cosine, -1.0)
+    for i in range(cosines.size):
+        c = float(cosines[i])
+        words, s2 = exact_squares(c, -1.0)
         a, d = exact_differences(words, contrast, opposite)
+        h, u, _ = chain.wave(a, b, add(square(a), b2))
         c2 = (words[0], words[1])
-        wave2, brewster2 = add(square(a), b2), add(square(d), square(multiply(b, c2)))
-        out[i] = chain.unpolarized(
-            multiply_add, cosine, (1.0, 0.0), c2, s2, a, b, wave2, contrast2, brewster2
-        )
-        good &= (cosine >= 0.0) & (cosine <= 1.0)
+        brewster2 = add(square(d), square(multiply(b, c2)))
+        out[i] = chain.unpolarized(multiply_add, c, (1.0, 0.0), c2, s2, h, u, contrast2, brewster2)
+        good &= (c >= 0.0) & (c <= 1.0)
     return good
 
 

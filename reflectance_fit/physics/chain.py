@@ -84,50 +84,31 @@ def powers(
 
 
 @shared
+def dielectric_wave(one: Number, a: Number) -> tuple[Number, Number]:
+    """h and u where k = 0: no wave enters beyond the critical angle."""
+    below = leading(a) < 0
+    return choose(below, negative(a), a), root(choose(below, scale(0, one), a))
+
+
+@shared
 def unpolarized(
     fused: Fused,
     c: Word,
     one: Number,
     c2: Number,
     s2: Number,
-    a: Number,
-    b: Number,
-    wave2: Number,
+    h: Number,
+    u: Number,
     contrast2: Number,
     brewster2: Number,
 ) -> Word:
     """(R_s + R_p) / 2 with one division: both are over (D E)^2, and so are the transmittances over D E."""
-    h, u, _ = wave(a, b, wave2)
     denominator_s, denominator_p, tau = denominators(fused, c, c2, s2, h, u)
     inverse = divide(one, multiply(denominator_s, denominator_p))
     transmitted = multiply(multiply(tau, inverse), add(denominator_p, add(h, s2)))
     sums = fused(denominator_p, denominator_p, brewster2)
     reflected = halve(multiply(multiply(contrast2, square(inverse)), sums))
     # Above a half the complement is the more exact, and never above 1.
-    mostly = leading(transmitted) < 0.5
-    return rounded(choose(mostly, add(one, negative(transmitted)), reflected))
-
-
-@shared
-def unpolarized_dielectric(
-    fused: Fused,
-    c: Word,
-    one: Number,
-    s2: Number,
-    a: Number,
-    d: Number,
-    contrast: Number,
-    re_eps: Number,
-) -> Word:
-    """The same for k = 0, where w is real: D = (c + w)^2, E = (w c + s^2)^2 and h + s^2 = eps."""
-    below = leading(a) <= 0
-    w = root(choose(below, scale(0, one), a))
-    cosine = scale(c, one)
-    y = fused(w, cosine, s2)
-    e = square(y)
-    inverse = divide(one, square(multiply(add(cosine, w), y)))
-    transmitted = multiply(multiply(scale(c + c, w), inverse), add(e, re_eps))
-    reflected = halve(multiply(square(multiply(contrast, inverse)), fused(d, d, square(e))))
     mostly = leading(transmitted) < 0.5
     return rounded(choose(mostly, add(one, negative(transmitted)), reflected))
 

@@ -102,6 +102,21 @@ def exact_differences(c2: Triple, contrast: Triple, opposite: Triple) -> tuple[P
 
 
 @shared
+def fused_differences(c: Word, contrast: Triple, re_eps: Pair) -> tuple[Word, Word, Word, Word]:
+    """c^2, s^2, a and d as words, for the sum R_s + R_p: d is good to 2^-106 of s^2, which R_p alone would miss.
+
+    a needs no more: fma(c, c, contrast) is exact where it cancels so far that the next word counts.
+    """
+    p, q = two_prod(c, c)
+    high, low = fast_two_sum(1.0, -p)
+    low = low - q
+    a = (fma(c, c, contrast[0]) + contrast[1]) + contrast[2]
+    product, rest = two_prod(re_eps[0], p)
+    d = (product - high) + ((rest - low) + fma(re_eps[0], q, re_eps[1] * p))
+    return p, high + low, a, d
+
+
+@shared
 def _normalised(high: Word, middle: Word, low: Word) -> Triple:
     high, middle = two_sum(high, middle)
     middle, low = two_sum(middle, low)
