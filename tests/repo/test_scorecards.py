@@ -9,7 +9,7 @@ import pytest
 
 TESTS = Path(__file__).parents[1]
 FAKE = """
-from card import Figure
+from card import Figure, Table
 
 def about(*, full):
     return f"Seeds 0 to {99 if full else 9}, N = 10."
@@ -17,6 +17,7 @@ def about(*, full):
 def figures(*, full):
     yield Figure.judged("speed | of light", "3e8", "2e8", True)
     yield Figure.judged("patience", "0.1", "1", VERDICT)
+    yield Table("Detail", ("a", "b"), (("1|2", "3"),))
     yield Figure.not_run("luck", "7", "no dice")
 """
 RUN = """
@@ -42,7 +43,9 @@ def fake(tmp_path):
     return run
 
 
-@pytest.mark.parametrize(("kind", "known"), [("scorecard", {"capture"}), ("benchmarks", {"startup", "demo"})])
+@pytest.mark.parametrize(
+    ("kind", "known"), [("scorecard", {"capture", "fresnel"}), ("benchmarks", {"startup", "demo", "fresnel"})]
+)
 def test_an_unknown_name_lists_the_names(kind, known):
     line = [sys.executable, TESTS / kind / "run.py", "nothing"]
     done = subprocess.run(line, capture_output=True, text=True, check=False)
@@ -50,6 +53,7 @@ def test_an_unknown_name_lists_the_names(kind, known):
     listed = done.stderr.strip().partition("choose one of: ")[2].split(", ")
     assert known <= set(listed)
     assert not {"card", "run"} & set(listed)
+    assert not [name for name in listed if "_" in name]
 
 
 def test_a_line_a_figure(fake):
@@ -77,6 +81,7 @@ def test_write_keeps_the_other_sections(fake, tmp_path):
     good = page.read_text()
     assert "Seeds 0 to 9, N = 10." in good
     assert r"| speed \| of light | 3e8 | 2e8 | ok |" in good
+    assert good.rstrip().endswith("### Detail\n\n| a | b |\n|---|---|\n| 1\\|2 | 3 |")
     assert "Python" in good
     assert "cores" in good
     fake("bad", "--write")

@@ -3,7 +3,10 @@
 A card NAME is a module NAME.py beside the script that runs it, with
 
 * ``about(full) -> str``: what was measured over how much, seeds and N included
-* ``figures(full) -> Iterator[Figure]``: the figures, each as soon as it is known
+* ``figures(full) -> Iterator[Figure | Table]``: the figures, each as soon as it is known, and the tables
+  that belong beside them on the page
+
+A module whose name has an underscore is a part of a card.
 """
 
 from __future__ import annotations
@@ -55,12 +58,29 @@ class Figure:
     def not_run(cls, name: str, target: str, why: str) -> Figure:
         return cls(name, "-", target, "not run", why)
 
+    @classmethod
+    def reported(cls, name: str, value: str) -> Figure:
+        """For information: nothing was promised."""
+        return cls(name, value, "none", "ok")
+
     @property
     def outcome(self) -> str:
         return f"{self.verdict}: {self.why}" if self.why else self.verdict
 
     def __str__(self) -> str:
         return f"{self.name}: {self.value} (target {self.target}) {self.outcome}"
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """What the figures are the extremes of; goes to the page only."""
+
+    title: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    def __str__(self) -> str:
+        return "\n".join([f"### {self.title}", "", *_table(self.header, self.rows)])
 
 
 def main(kind: str, folder: Path, arguments: Sequence[str] | None = None, page: Path = PAGE) -> int:
@@ -81,15 +101,19 @@ def main(kind: str, folder: Path, arguments: Sequence[str] | None = None, page: 
     module = importlib.import_module(options.name)
     started = time.perf_counter()
     found: list[Figure] = []
-    for figure in module.figures(full=options.full):
-        print(figure, flush=True)
-        found.append(figure)
+    tables: list[Table] = []
+    for item in module.figures(full=options.full):
+        if isinstance(item, Table):
+            tables.append(item)
+            continue
+        print(item, flush=True)
+        found.append(item)
     seconds = time.perf_counter() - started
     print(summary(found))
     title = f"{kind} {options.name}" + (" --full" if options.full else "")
     about = module.about(full=options.full)
     if options.write:
-        write_section(page, title, section(about, found, seconds))
+        write_section(page, title, section(about, found, seconds, tables))
     if options.json:
         data = {
             "title": title,
@@ -106,7 +130,9 @@ def main(kind: str, folder: Path, arguments: Sequence[str] | None = None, page: 
 
 def names(folder: Path) -> list[str]:
     """The cards in ``folder``."""
-    return sorted(path.stem for path in folder.glob("*.py") if path.stem not in _NO_CARDS)
+    return sorted(
+        path.stem for path in folder.glob("*.py") if path.stem not in _NO_CARDS and "_" not in path.stem
+    )
 
 
 def summary(found: Sequence[Figure]) -> str:
@@ -124,21 +150,25 @@ def machine() -> str:
     return f"{os.cpu_count()} cores, {model}, {platform.system()}, Python {platform.python_version()}"
 
 
-def section(about: str, found: Sequence[Figure], seconds: float) -> str:
-    """What stands below a title: circumstances, then a row a figure."""
+def section(about: str, found: Sequence[Figure], seconds: float, tables: Sequence[Table] = ()) -> str:
+    """What stands below a title: circumstances, then a row a figure, then tables."""
     rows = [(figure.name, figure.value, figure.target, figure.outcome) for figure in found]
-    cells = [[text.replace("|", r"\|") for text in row] for row in rows]
     lines = [
         f"reflectance_fit {reflectance_fit.__version__}, {_today()}, {machine()}; took {seconds:.0f} s.",
         about,
         "",
-        "| figure | value | target | verdict |",
-        "|---|---|---|---|",
-        *(f"| {' | '.join(row)} |" for row in cells),
+        *_table(("figure", "value", "target", "verdict"), rows),
         "",
         f"{summary(found)}.",
+        *(f"\n{table}" for table in tables),
     ]
     return "\n".join(lines)
+
+
+def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    cells = [[text.replace("|", r"\|") for text in row] for row in (header, *rows)]
+    lines = [f"| {' | '.join(row)} |" for row in cells]
+    return [lines[0], "|" + "---|" * len(header), *lines[1:]]
 
 
 def write_section(page: Path, title: str, text: str) -> None:
