@@ -121,7 +121,7 @@ def _outside(found: Sequence[Found]) -> Iterator[Figure]:
         value = f"{count} of {values}"
         if bad:
             value += f", {_place(bad[0].trial, bad[0].outside_at[rung])}"
-        yield Figure.judged(f"powers NaN, negative or above 1, {rung}", value, "0", count == 0)
+        yield Figure.judged(f"outputs NaN, negative or above 1, {rung}", value, "0", count == 0)
 
 
 def _imbalance(dtype: type[np.floating[Any]], found: Sequence[Found]) -> Figure:

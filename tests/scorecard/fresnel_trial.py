@@ -94,7 +94,7 @@ class Worst:
 @dataclass(slots=True)
 class Found:
     """What a trial came to: ``worst`` by (rung, output) in ulp (of an angle: over 1 + ``spread``),
-    values that are NaN, negative or above 1 by rung, |R + T - 1|, and of each peer the same."""
+    powers that are NaN, negative or above 1 and amplitudes that are not finite by rung, |R + T - 1|, and of each peer the same."""
 
     trial: Trial
     points: int = 0
@@ -141,14 +141,15 @@ def _ours(trial: Trial, rung: str, inputs: list[NDArray[Any]], exact: Reference,
     powers = trial.call(inputs, rung)
     errors = exact.powers.errors(powers) / (1.0 + exact.spread)
     outputs = list(POWERS)
+    wrong = ~((powers >= 0) & (powers <= 1))
     if trial.entry == "cosine" and trial.dtype is np.float64:
         given = inputs if trial.kind == "conductor" else inputs[:2]
         fields = np.stack(fresnel.amplitudes(*given, rung=rung), axis=-1)
+        wrong = np.hstack([wrong, ~np.isfinite(fields)])
         errors = np.hstack([errors, np.hypot(exact.real.errors(fields.real), exact.imag.errors(fields.imag))])
         outputs += AMPLITUDES
     for output, column in zip(outputs, errors.T, strict=True):
         found.worst.setdefault((rung, output), Worst()).see(column, inputs)
-    wrong = ~((powers >= 0) & (powers <= 1))
     found.outside[rung] += int(wrong.sum())
     found.values += wrong.size
     if wrong.any():
