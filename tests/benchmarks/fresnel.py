@@ -70,9 +70,9 @@ def figures(*, full: bool) -> Iterator[Figure]:
         yield Figure.judged(f"{kind}, {name} over {unit}", value, f"{least} at least", ours / other >= least)
     for kind, found in speeds.items():
         for name in REPORTED:
-            title = f"{kind}, {name} over memory limit"
+            unit = "memory limit, float32" if name.endswith("float32") else "memory limit"
+            title = f"{kind}, {name} over {unit}"
             if name in found:
-                unit = "memory limit, float32" if name.endswith("float32") else "memory limit"
                 value = f"{found[name] / found[unit]:.3g} ({found[name]:.0f} over {found[unit]:.0f})"
                 yield Figure.reported(title, value)
             else:

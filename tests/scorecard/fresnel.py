@@ -14,7 +14,7 @@ from card import Figure, Table
 from fresnel_oracle import AMPLITUDES, POWERS, Point
 from fresnel_peers import peers_of
 from fresnel_regimes import CONDUCTOR, DIELECTRIC, NEAR_MATCH
-from fresnel_trial import ENTRIES, RUNGS, SEED, Found, Trial, run
+from fresnel_trial import ENTRIES, FEW, RUNGS, SEED, Found, Trial, run
 
 PROCESSES = 2
 KINDS = {"dielectric": DIELECTRIC, "conductor": CONDUCTOR}
@@ -38,7 +38,7 @@ NAMES = {
 def about(*, full: bool) -> str:
     return (
         f"{_evaluations('cosine', full):,} points a regime and format ({_evaluations('angle', full):,} where an angle is "
-        f"given), seed {SEED}: 40 % at random, then hill-climbing on the error of every output. Errors are in ulp of the "
+        f"given, and of bulk: one index, F only), seed {SEED}: 40 % at random, then hill-climbing on the error of every output. Errors are in ulp of the "
         "format at the exact value, below its smallest normal number in units of the subnormal spacing. The exact value is "
         "the naive complex formula in 1400 bits or more, at the floats as given. Errors of amplitudes are moduli, in ulp of "
         "the modulus. A given angle is a float too: its errors are in units of 1 ulp plus what one ulp of the angle, or of what "
@@ -71,6 +71,10 @@ def figures(*, full: bool) -> Iterator[Figure | Table]:
             # The cosine of an angle is rounded before the formula: there no rung is better than compensated.
             most = MOST.get((np.float64, rung if exact or rung == "plain" else "compensated"))
             yield _worst(f"{entry} given, {rung}", some, rung, POWERS, most, "ulp" if exact else "units")
+    for dtype in FORMATS:
+        for rung in RUNGS:
+            some = [one for one in found if (one.trial.entry, one.trial.dtype) == ("bulk", dtype)]
+            yield _worst(f"bulk, {np.dtype(dtype)}, {rung}", some, rung, FEW, MOST.get((dtype, rung)))
     for rung in RUNGS:
         some = [one for one in by_cosine if one.trial.dtype is np.float64]
         yield _worst(f"amplitudes, {rung}", some, rung, AMPLITUDES, MOST.get((np.float64, rung)))
@@ -84,7 +88,7 @@ def figures(*, full: bool) -> Iterator[Figure | Table]:
 
 def _evaluations(entry: str, full: bool) -> int:
     points = 1_000_000 if full else 10_000
-    return points // 4 if entry in ("angle", "degrees") else points
+    return points if entry in ("cosine", "near match") else points // 4
 
 
 def _trials() -> list[Trial]:
@@ -92,6 +96,7 @@ def _trials() -> list[Trial]:
     return [
         *(Trial(one.kind, one.name, "cosine", dtype) for dtype in FORMATS for one in regimes),
         *(Trial(one.kind, one.name, entry) for entry in ("angle", "degrees") for one in regimes),
+        *(Trial(one.kind, one.name, "bulk", dtype) for dtype in FORMATS for one in regimes),
         *(Trial(one.kind, one.name, "near match") for one in NEAR_MATCH),
     ]
 

@@ -45,6 +45,10 @@ class Split(NamedTuple):
     whole: NDArray[np.float64]
     part: NDArray[np.float64]
 
+    def columns(self, which: Any, every: int = 1) -> Split:
+        """Of shape (n, outputs): some outputs of every so-manieth point."""
+        return Split(*(part[::every, which] for part in self))
+
     def errors(self, computed: Floats) -> NDArray[np.float64]:
         """|computed - exact| in ulp; infinite for NaN.  Exact up to the last subtraction."""
         with np.errstate(over="ignore", invalid="ignore"):
@@ -147,6 +151,7 @@ def _nothing() -> tuple[Any, Any]:
 
 ENTRIES: dict[str, Callable[[Any, Any, Any], tuple[Any, Any]]] = {
     "cosine": _by_cosine,
+    "bulk": _by_cosine,
     "angle": _by_angle,
     "degrees": _by_degrees,
     "near match": _near_match,

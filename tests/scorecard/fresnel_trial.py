@@ -15,12 +15,23 @@ from fresnel_search import moved, search
 from numpy.typing import NDArray
 
 from reflectance_fit.physics import fresnel
+from reflectance_fit.physics.bulk import unpolarized
 
 SEED = 20250611
+FEW = ("mean",)  # what bulk has
 RUNGS = ("double_word", "compensated", "plain")
 JUDGED = RUNGS[:2]
-ENTRIES: dict[str, Callable[..., fresnel.Reflectances]] = {
+
+
+def _bulk(c: NDArray[Any], *index: NDArray[Any], rung: fresnel.Rung) -> tuple[NDArray[Any]]:
+    """An array of one angle at a time, because there is one index for all."""
+    parts = [unpolarized(c[i : i + 1], *(x[i] for x in index), rung=rung) for i in range(len(c))]
+    return (np.concatenate(parts),)
+
+
+ENTRIES: dict[str, Callable[..., tuple[NDArray[Any], ...]]] = {
     "cosine": fresnel.reflectances,
+    "bulk": _bulk,
     "angle": fresnel.reflectances_at_angle,
     "degrees": fresnel.reflectances_at_deg,
     "near match": fresnel.reflectances_near_match,
@@ -28,7 +39,7 @@ ENTRIES: dict[str, Callable[..., fresnel.Reflectances]] = {
 # How far an input may be moved by ulps, as a power of two, and where eta and k stay.
 REACH = {np.float64: 32, np.float32: 10}
 LARGEST = {np.float64: 1e100, np.float32: 1e37}
-TOP = {"cosine": 1.0, "near match": 1.0, "angle": np.pi / 2, "degrees": 90.0}
+TOP = {"cosine": 1.0, "bulk": 1.0, "near match": 1.0, "angle": np.pi / 2, "degrees": 90.0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +50,10 @@ class Trial:
     regime: str
     entry: str = "cosine"
     dtype: type[np.floating[Any]] = np.float64
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        return FEW if self.entry == "bulk" else POWERS
 
     def family(self) -> Regime:
         (found,) = (
@@ -64,7 +79,7 @@ class Trial:
         ]
 
     def call(self, inputs: list[NDArray[Any]], rung: str) -> NDArray[Any]:
-        """Ours, six powers a point, shape (n, 6)."""
+        """Ours, shape (n, outputs)."""
         given = inputs if self.kind == "conductor" else inputs[:2]
         powers = np.stack(ENTRIES[self.entry](*given, rung=rung), axis=-1)
         if powers.dtype != self.dtype:
@@ -93,8 +108,8 @@ class Worst:
 
 @dataclass(slots=True)
 class Found:
-    """What a trial came to: ``worst`` by (rung, output) in ulp (of an angle: over 1 + ``spread``),
-    powers that are NaN, negative or above 1 and amplitudes that are not finite by rung, |R + T - 1|, and of each peer the same."""
+    """What a trial came to: ``worst`` by (rung, output) in ulp, of an angle over 1 + ``spread``; by rung the
+    powers ``outside`` [0, 1] or NaN and the amplitudes that are not finite; |R + T - 1|; of peers the same."""
 
     trial: Trial
     points: int = 0
@@ -139,8 +154,9 @@ def run(trial: Trial, evaluations: int) -> Found:
 def _ours(trial: Trial, rung: str, inputs: list[NDArray[Any]], exact: Reference, found: Found) -> Floats:
     """Errors of a rung, shape (n, outputs), entered into ``found``."""
     powers = trial.call(inputs, rung)
-    errors = exact.powers.errors(powers) / (1.0 + exact.spread)
-    outputs = list(POWERS)
+    outputs = list(trial.outputs)
+    columns = [POWERS.index(output) for output in outputs]
+    errors = exact.powers.columns(columns).errors(powers) / (1.0 + exact.spread[:, columns])
     wrong = ~((powers >= 0) & (powers <= 1))
     if trial.entry == "cosine" and trial.dtype is np.float64:
         given = inputs if trial.kind == "conductor" else inputs[:2]
@@ -155,7 +171,8 @@ def _ours(trial: Trial, rung: str, inputs: list[NDArray[Any]], exact: Reference,
     if wrong.any():
         i = int(np.argmax(wrong.any(axis=1)))
         found.outside_at[rung] = _point(inputs, i)
-    found.imbalance.see(imbalance(powers).max(axis=1), inputs)
+    if trial.outputs == POWERS:
+        found.imbalance.see(imbalance(powers).max(axis=1), inputs)
     return errors
 
 
@@ -164,9 +181,7 @@ def _peer(
 ) -> None:
     worst, outside = found.peers.get(name, (Worst(), 0))
     for output, values in powers.items():
-        i = POWERS.index(output)
-        column = type(exact.powers)(*(part[::every, i] for part in exact.powers))
-        worst.see(column.errors(values), inputs)
+        worst.see(exact.powers.columns(POWERS.index(output), every).errors(values), inputs)
         outside += int((~((values >= 0) & (values <= 1))).sum())
     found.peers[name] = worst, outside
 
