@@ -13,11 +13,13 @@ from hypothesis import strategies as st
 
 sys.path.append(str(Path(__file__).parent))
 
+import fresnel as scorecard
 import fresnel_oracle as oracle
 import fresnel_peers as peers
 import fresnel_regimes as regimes
 import fresnel_search as search
 import fresnel_trial as trial
+from card import Figure, Table
 
 from reflectance_fit.physics import fresnel
 from reflectance_fit.physics.fresnel import Reflectances
@@ -268,3 +270,39 @@ def test_peers_are_called_as_they_want(peer):
         expected = correctly_rounded(c, eta, k)
         for name, values in powers.items():
             np.testing.assert_allclose(values, getattr(expected, name), rtol=50 * np.finfo(peer.dtype).eps)
+
+
+class Here:
+    """In place of a pool of processes."""
+
+    def __init__(self, *_):
+        pass
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    map = staticmethod(map)
+
+
+def test_a_line_for_every_promise(monkeypatch):
+    """A card of a few points has all figures, each with its place, and the tables with every regime."""
+    monkeypatch.setattr(scorecard, "ProcessPoolExecutor", Here)
+    monkeypatch.setattr(scorecard, "_evaluations", lambda entry, full: 3)
+    monkeypatch.setattr(scorecard, "TIMED", 3)
+    items = list(scorecard.figures(full=False))
+    names = [item.name for item in items if isinstance(item, Figure)]
+    assert len(set(names)) == len(names)
+    judged = {item.name for item in items if isinstance(item, Figure) and item.target != "none"}
+    assert judged >= {
+        *(f"{kind}, float64, {rung}" for kind in scorecard.KINDS for rung in trial.JUDGED),
+        *(f"{kind}, float32, compensated" for kind in scorecard.KINDS),
+        *(f"outputs NaN, negative or above 1, {rung}" for rung in trial.RUNGS),
+    }
+    tables = [item for item in items if isinstance(item, Table)]
+    assert [len(table.rows) - 2 for table in tables] == [
+        len(regimes.DIELECTRIC), len(regimes.DIELECTRIC), len(regimes.CONDUCTOR), len(regimes.CONDUCTOR)
+    ]  # fmt: skip
+    assert all(len(row) == len(table.header) for table in tables for row in table.rows)
