@@ -23,7 +23,7 @@ TITLES = {
 # Whatever the angles and the noise.
 NEVER = {
     "analyzer": "the phase between s and p; k only through k^2",
-    "lamp polarizer": "the sign of that phase's sine; a small k only through k^2",
+    "lamp polarizer": "the sign of S3; a small k only through k^2",
     "quarter-wave plate": "a film on the surface from another eta and k",
 }
 HEADINGS = ("at every angle", "angles (deg)", "frames", "eta", "k", "Brewster (deg)")
@@ -49,7 +49,7 @@ def print_plan(found: Plan) -> None:
             table.add_row(*_cells(option, name))
         _show(table)
         for option in (*options, best):
-            for words in option.expected.cannot if option.expected.k_limit is None else ():
+            for words in _more_than_the_cells(option):
                 click.echo(f"  {_angles(option)}, {option.design.kind.name}: {words}")
         click.echo(f"  never told: {NEVER[needs]}")
     _print_assumptions(found)
@@ -78,6 +78,10 @@ def _cells(option: Option, name: str) -> list[Text]:
         _value(f.brewster_deg, f.brewster_sd_deg),
     )
     return [Text(cell) for cell in cells]
+
+
+def _more_than_the_cells(option: Option) -> list[str]:
+    return [words for words in option.expected.cannot if "upper limit" not in words]
 
 
 def _value(value: float, sd: float | None) -> str:

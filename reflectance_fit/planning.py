@@ -22,6 +22,7 @@ from reflectance_fit.inference.design import (
     sigmas,
 )
 from reflectance_fit.inference.foresight import Foresight, foresee
+from reflectance_fit.manifests import WAVELENGTHS_NM
 from reflectance_fit.materials import library
 from reflectance_fit.materials.loader import AIR_INDEX
 from reflectance_fit.nuisances import DARK_FRACTION
@@ -95,7 +96,7 @@ def plan(
         raise ReflectanceFitError("give an index or a material")
     else:
         title = "given index"
-    _check(eta, k, frames)
+    _check(eta, k, wavelength_nm, frames)
     share = noise if isinstance(noise, float) else _camera_noise(noise)
     subject = Subject(
         eta=eta,
@@ -149,7 +150,7 @@ def recommended(found: Plan) -> Option:
     return next(o for o in found.best if o.expected.worst <= 1.1 * floor)
 
 
-def _check(eta: float, k: float, frames: int) -> None:
+def _check(eta: float, k: float, wavelength_nm: float, frames: int) -> None:
     try:
         checked_index(eta, k)
     except ValueError as error:
@@ -159,6 +160,9 @@ def _check(eta: float, k: float, frames: int) -> None:
         raise ReflectanceFitError(
             f"a fit looks for eta from {low:g} to {high:g} and k up to {K_PRIOR[1]:g}; plan for an index in there"
         )
+    if not WAVELENGTHS_NM[0] <= wavelength_nm <= WAVELENGTHS_NM[1]:
+        low, high = WAVELENGTHS_NM
+        raise ReflectanceFitError(f"the wavelength must be from {low:g} to {high:g} nm")
     if frames < min(kind.frames for kind in KINDS):
         raise ReflectanceFitError("one photograph has no other to compare with; plan at least 2 frames")
 

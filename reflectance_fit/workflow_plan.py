@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from itertools import cycle, islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
+from numpy.typing import ArrayLike
 
 from reflectance_fit.data_synthetic.spec import NoiseLevel
 from reflectance_fit.files import check_writable, write_together
@@ -19,10 +19,10 @@ from reflectance_fit.plot.plan import Curve
 from reflectance_fit.report.numbers import short
 from reflectance_fit.report.write import write_text
 
-_FWHM_NM = 90.0
-# The picture shows an angle with its neighbours on either side: one angle alone cannot tell two unknowns.
-_APART_DEG = 10.0
-_MOST_ANGLES = 8
+_FWHM_NM = 90
+# The picture spreads the angles around each that it shows: one angle alone cannot tell two unknowns.
+_SPREAD_DEG = 10.0
+_POINTS = 8
 
 _HEADER = """\
 # The photographs of a plan. Fill in what stands in capitals, and the region of the sample; add darks and a flat.
@@ -88,7 +88,9 @@ def _option_data(o: Option) -> dict[str, Any]:
     return {
         "needs": kind.equipment,
         "name": kind.name,
-        "light": {"linear_deg": kind.linear_deg} if kind.linear_deg is not None else {"stokes": [1, 0, 0, 0]},
+        "light": {"linear_deg": _plain(kind.linear_deg)}
+        if kind.linear_deg is not None
+        else {"stokes": [1, 0, 0, 0]},
         "angles_deg": [_plain(angle) for angle in o.design.angles_deg],
         "settings": [_setting(analyzer, retarder) for analyzer, retarder in kind.settings],
         "frames": o.design.frames,
@@ -123,22 +125,22 @@ def _setting(analyzer_deg: float, retarder_deg: float | None) -> dict[str, float
 
 
 def _template(found: Plan) -> dict[str, Any]:
-    """A capture.yaml of the recommended design; an angle that stands twice is set up twice."""
+    """A capture.yaml of the recommended design; an angle that stands twice is set up twice, with a gain each."""
     design = recommended(found).design
     kind = design.kind
-    frames = []
+    frames: list[dict[str, Any]] = []
     for i, angle in enumerate(design.angles_deg):
         again = design.angles_deg[:i].count(angle)
         for analyzer, retarder in kind.settings:
             frame: dict[str, Any] = {"file": f"raw/{len(frames):03d}.dng", "theta_deg": _plain(angle)}
             frame |= _setting(analyzer, retarder)
-            frames.append(frame | ({"set": f"again {again}"} if again else {}))
+            frames.append(frame | ({"gain_group": f"{angle:g} deg again, {again}"} if again else {}))
     data: dict[str, Any] = {
         "schema": "reflectance_fit/capture/1",
         "sample": {"name": "NAME OF THE SAMPLE"},
         "camera": {
             "sensor": "bayer",
-            "channels": {"G": {"wavelength_nm": found.wavelength_nm, "fwhm_nm": _FWHM_NM}},
+            "channels": {"G": {"wavelength_nm": _plain(found.wavelength_nm), "fwhm_nm": _FWHM_NM}},
         },
     }
     if any(retarder is not None for _, retarder in kind.settings):
@@ -167,7 +169,7 @@ def _shows_limit(found: Plan) -> bool:
     return all(o.expected.k_sd is None for o in found.best)
 
 
-def _curve(found: Plan, chosen: Option, x: list[float], options: list[Option], mark: list[float]) -> Curve:
+def _curve(found: Plan, chosen: Option, x: ArrayLike, options: list[Option], mark: ArrayLike) -> Curve:
     def k(o: Option) -> float:
         value = o.expected.k_limit if _shows_limit(found) else o.expected.k_sd
         return np.nan if value is None else value
@@ -177,31 +179,27 @@ def _curve(found: Plan, chosen: Option, x: list[float], options: list[Option], m
 
     return Curve(
         label=chosen.design.kind.equipment,
-        x=np.array(x),
+        x=np.asarray(x, dtype=float),
         eta=np.array([eta(o) for o in options]),
         k=np.array([k(o) for o in options]),
-        mark=np.array(mark),
+        mark=np.asarray(mark, dtype=float),
         mark_eta=eta(chosen),
         mark_k=k(chosen),
     )
 
 
 def _against_angle(found: Plan, chosen: Option) -> Curve:
-    """The chosen kind at three angles around each of the grid's."""
-    kind = chosen.design.kind
-    inside = GRID_DEG[
-        np.abs(GRID_DEG - 0.5 * (GRID_DEG[0] + GRID_DEG[-1])) <= 0.5 * np.ptp(GRID_DEG) - _APART_DEG
-    ]
-    options = []
-    for middle in inside:
-        three = cycle([middle - _APART_DEG, middle, middle + _APART_DEG])
-        angles = sorted(float(a) for a in islice(three, len(chosen.design.angles_deg)))
-        options.append(option(Design(kind, tuple(angles)), found.subject))
-    return _curve(found, chosen, list(inside), options, list(chosen.design.angles_deg))
+    """The chosen kind with as many angles, spread around each of the grid's."""
+    kind, stations = chosen.design.kind, len(chosen.design.angles_deg)
+    offsets = np.linspace(-_SPREAD_DEG, _SPREAD_DEG, stations) if stations > 1 else np.zeros(1)
+    inside = GRID_DEG[(GRID_DEG[0] <= GRID_DEG - _SPREAD_DEG) & (GRID_DEG[-1] >= GRID_DEG + _SPREAD_DEG)]
+    options = [option(Design(kind, tuple(map(float, middle + offsets))), found.subject) for middle in inside]
+    return _curve(found, chosen, inside, options, chosen.design.angles_deg)
 
 
 def _against_frames(found: Plan, chosen: Option) -> Curve:
-    """The chosen kind at the best angles for fewer and for more photographs."""
+    """The chosen kind at the best angles, from one angle to twice as many as chosen."""
     kind = chosen.design.kind
-    options = [best_option(kind, n * kind.frames, found.subject) for n in range(1, _MOST_ANGLES + 1)]
-    return _curve(found, chosen, [o.design.frames for o in options], options, [chosen.design.frames])
+    stations = np.unique(np.linspace(1, 2 * len(chosen.design.angles_deg), _POINTS).round().astype(int))
+    options = [best_option(kind, int(n) * kind.frames, found.subject) for n in stations]
+    return _curve(found, chosen, stations * kind.frames, options, [chosen.design.frames])

@@ -161,13 +161,12 @@ def best(kind: Kind, frames: int, subject: Subject, *, with_k: bool) -> Design:
     The criterion is the larger relative sd of eta and k; of eta alone
     without ``with_k``, or where k is 0.
     """
-    blocks, prior_sd, places = _blocks(kind, subject)
-    scale = np.array([1.0, subject.k])[: len(places)] if subject.k > 0 else np.ones(1)
-    scale = scale if with_k else scale[:1]
+    blocks, prior_sd = _blocks(kind, subject)
+    scale = np.array([1.0, subject.k]) if with_k and subject.k > 0 else np.ones(1)
 
     def worst(matrices: FloatArray) -> FloatArray:
         variances = np.diagonal(posterior_covariance(matrices, prior_sd), axis1=-2, axis2=-1)
-        return np.asarray(np.sqrt(variances[..., : len(scale)]) / scale).max(axis=-1)
+        return np.asarray(np.max(np.sqrt(variances[..., : len(scale)]) / scale, axis=-1))
 
     stations = frames // kind.frames
     spread = np.linspace(0, len(blocks) - 1, stations).round().astype(int).tolist()
@@ -179,8 +178,8 @@ def best(kind: Kind, frames: int, subject: Subject, *, with_k: bool) -> Design:
     return Design(kind, tuple(sorted(float(GRID_DEG[i]) for i in chosen)))
 
 
-def _blocks(kind: Kind, subject: Subject) -> tuple[FloatArray, FloatArray, list[int]]:
-    """Each angle's information (A, P, P), the priors' sd (P,), and where eta and k (if above 0) are."""
+def _blocks(kind: Kind, subject: Subject) -> tuple[FloatArray, FloatArray]:
+    """Each angle's information, shape (A, P, P), and the priors' sd, shape (P,): eta, k if above 0, nuisances."""
     priors = {name: prior for name, prior in subject.priors.items() if name == "eta" or subject.k > 0}
     rows = [planned(Design(kind, (float(angle),)), subject) for angle in GRID_DEG]
     # The search needs one prior for all angles; a design's own largest signal is hardly smaller.
@@ -191,7 +190,7 @@ def _blocks(kind: Kind, subject: Subject) -> tuple[FloatArray, FloatArray, list[
         )
         for r in rows
     ]
-    return np.array([f.matrix for f in found]), found[0].prior_sd, list(range(len(priors)))
+    return np.array([f.matrix for f in found]), found[0].prior_sd
 
 
 def _exchanged(start: list[int], blocks: FloatArray, worst: Callable[[FloatArray], FloatArray]) -> list[int]:

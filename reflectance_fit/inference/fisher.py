@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from reflectance_fit.inference.forward import ETA, FIRST_NUISANCE, K, neutral_vector, predict_vectors
 from reflectance_fit.inference.rows import CODES, Rows, gain_names, pack
 from reflectance_fit.observations import Observations, Quantity
+from reflectance_fit.physics.domain import checked_index
 from reflectance_fit.priors import NUISANCES, Prior
 
 FloatArray = NDArray[np.float64]
@@ -120,8 +121,9 @@ def information(
     Raises
     ------
     ValueError
-        If a row has no sigma, or the point is outside of the model's domain.
+        If a row has no sigma, eta is not positive or k negative.
     """
+    checked_index(eta, k)
     o = observations.used
     if np.any(np.isnan(o.sigma)):
         raise ValueError("every row needs a sigma: state it, or take the one that a fit estimated")
@@ -134,8 +136,6 @@ def information(
     prior_sd = {name: _flat_sd(prior) for name, prior in priors.items()} | _nuisance_sds(nuisances)
     names = tuple(prior_sd)
     derivatives = _derivatives(rows, vector, gain_values, (*names, "angle_offset_deg"))
-    if not np.all(np.isfinite(derivatives)):
-        raise ValueError("the model has no derivative here: eta must be positive, k at least 0")
     whitening = _whitening(rows, vector, gain_values, np.degrees(derivatives[:, -1]))
     return Information(
         names=names,

@@ -17,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.inference.fisher import Information, information, posterior_covariance
-from reflectance_fit.inference.forward import K
+from reflectance_fit.inference.forward import ETA, K
 from reflectance_fit.inference.identify import AT_BOUND, UNINFORMED_SHARE, interval
 from reflectance_fit.observations import Observations
 from reflectance_fit.physics.brewster import brewster_angle
 from reflectance_fit.priors import Prior
+from reflectance_fit.result import Interval
 
 FloatArray = NDArray[np.float64]
 
@@ -33,6 +34,10 @@ AWAY_FROM_0 = (1 - AT_BOUND) / 1.96
 _ALONG_AN_AXIS = 0.95
 _QUANTILES = (np.arange(4000) + 0.5) / 4000
 _STEP = 1e-5
+_APART = 0.1  # of |eta + ik|: far enough for rows that are even in k
+_SAME_DIRECTION = (
+    1e-10  # of a squared length: the finite differences' error is far below, any second angle far above
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +100,9 @@ def foresee(
     low, high = priors["eta"].coordinate_range
     # In log(eta), where a sd beyond the prior's width must not become infinite.
     eta_known = 3.92 * eta_sd <= UNINFORMED_SHARE * (high - low)
+    if k > 0 and _one_equation(both):
+        # Priors make a curve's ends look like knowledge.
+        eta_known, k_found = False, Interval(None, None, None, None, "not_identified")
     angle_sd = math.sqrt(slope @ covariance @ slope)
     limit = k_found.ci95[1] if k_found.status == "upper_limit" and k_found.ci95 else None
     return Foresight(
@@ -122,7 +130,7 @@ def _k_draws(info: Information, eta: float, k: float, prior: Prior, sd: float) -
     from scipy.special import ndtri
 
     if sd < AWAY_FROM_0 * k:
-        return np.clip(k + sd * ndtri(_QUANTILES), prior.low, prior.high)
+        return np.asarray(np.clip(k + sd * ndtri(_QUANTILES), prior.low, prior.high))
     small = 1e-7 * math.hypot(eta, k)
     grid = np.concatenate([[prior.low, k], np.geomspace(small, prior.high, 1200), k * np.linspace(0, 5, 801)])
     grid = np.unique(np.clip(grid, prior.low, prior.high))
@@ -137,7 +145,7 @@ def _k_draws(info: Information, eta: float, k: float, prior: Prior, sd: float) -
     chi2 = np.sum(change**2, axis=1)
     density = np.exp(-0.5 * (chi2 - chi2.min()))
     mass = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(grid))])
-    return np.interp(_QUANTILES, mass / mass[-1], grid)
+    return np.asarray(np.interp(_QUANTILES, mass / mass[-1], grid))
 
 
 def _brewster_slope(eta: float, k: float, exterior_ior: float) -> FloatArray:
@@ -159,20 +167,27 @@ def _in_words(
     info: Information, limit: float | None, k: float, *, eta_known: bool, k_known: bool
 ) -> tuple[str, ...]:
     """What the rows leave open: the directions of (log eta, k) whose sd stays near the prior's."""
-    if limit is not None and eta_known:
-        return (f"k cannot be told from 0: only an upper limit of about {limit:.2g}",)
-    if k == 0 and eta_known and not k_known:
-        return (
-            "k cannot be told, and eta only if k = 0 is taken for granted: one equation for two unknowns",
-        )
     scale = info.prior_sd[:2]
     values, vectors = np.linalg.eigh(info.covariance("eta", "k") / np.outer(scale, scale))
     blind = np.sqrt(values) > BLIND
+    along_eta, along_k = np.abs(vectors[:, -1])
+    if _one_equation(info):
+        known = "k = 0 is taken for granted" if k == 0 else "the other is known"
+        return (f"one equation for two unknowns: {'eta' if k == 0 else 'each of eta and k'} only if {known}",)
+    if limit is not None and eta_known:
+        return (f"k cannot be told from 0: only an upper limit of about {limit:.2g}",)
     if blind.all():
         return ("neither eta nor k: these rows say next to nothing about the material",)
-    if blind.any():
-        along_eta, along_k = np.abs(vectors[:, -1])
-        if along_k < _ALONG_AN_AXIS and along_eta < _ALONG_AN_AXIS:
-            return ("eta and k apart: one equation for two unknowns",)
+    if blind.any() and max(along_eta, along_k) < _ALONG_AN_AXIS:
+        return ("eta and k apart: only a curve of pairs that fit alike",)
     words = [name for name, known in (("eta", eta_known), ("k", k_known)) if not known]
     return (f"{' and '.join(words)} cannot be told",) if words else ()
+
+
+def _one_equation(info: Information) -> bool:
+    """Whether eta and k move the rows in one and the same direction, gains aside: however low the noise."""
+    vector = info.vector.copy()
+    vector[K] += _APART * math.hypot(vector[ETA], vector[K])
+    change, column = info.difference(vector[None])[0], info.columns[:, info.names.index("eta")]
+    rest = change - column * (column @ change) / (column @ column)
+    return bool(rest @ rest <= _SAME_DIRECTION * (change @ change))

@@ -55,16 +55,25 @@ def draw_plan(
         right.tick_params(labelleft=False)
         for ax in (left, right):
             ax.set_yscale("log")
+            # The default would write powers of ten as formulas, which are off in this style.
+            ax.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
         right.set_xlim(left=0)
         _same_range(left, right)
         if row == 0:
             left.tick_params(labelbottom=False)
             right.tick_params(labelbottom=False)
-    axes[1, 0].set_xlabel("middle of three angles, 10° apart (deg)")
+    axes[1, 0].set_xlabel("middle of angles spread over ±10° (deg)")
     axes[1, 1].set_xlabel("photographs at the best angles (number)")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(
-        handles, labels, loc="lower left", ncols=len(labels), bbox_to_anchor=(0.1, 0.01), title="best with"
+        handles,
+        labels,
+        loc="lower left",
+        ncols=len(labels),
+        bbox_to_anchor=(0.75 / style.WIDTH, 0.01),
+        title="best of its equipment; marked: the chosen angles and what they give",
+        alignment="left",
+        title_fontsize=8.0,
     )
     figure.align_ylabels()
     return figure
