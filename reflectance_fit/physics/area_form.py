@@ -31,7 +31,7 @@ _End = tuple[Floats, float]  # a point, and its height above the horizon
 
 
 class _Piece(NamedTuple):
-    """A piece of a boundary, away from the apex, by u in [0, 1]: point, derivative, height above the horizon."""
+    """A piece of a boundary, away from the apex, by u in [0, 1]: point, derivative, height."""
 
     point: Callable[[Floats], Floats]
     slope: Callable[[Floats], Floats]
@@ -107,7 +107,7 @@ def _sector(
 
 
 def _graded(core: float, length: float) -> Callable[[Floats], tuple[Floats, Floats]]:
-    """s(t) and ds/dt on [0, 1], c sinh(k t), which spreads a peak at 0 of width core / length over half of it."""
+    """s(t) and ds/dt on [0, 1], c sinh(k t), which spreads a peak of width core / length at 0."""
     # A core wider than a million lengths grades nothing, and a piece without length adds nothing.
     c = max(core / max(length, 1e-6 * core, _TINY), 1e-15)
     k = float(np.arcsinh(1.0 / c))

@@ -87,7 +87,7 @@ class SphereLight:
         _check_radius(self.radius)
 
     def checked_distance(self, position: Floats) -> tuple[Floats, Floats]:
-        """Vector from position to the center, shape (..., 3), and its length; ValueError inside the sphere."""
+        """Vector from position to the center, (..., 3), and its length; ValueError inside the sphere."""
         towards = np.asarray(self.center, dtype=np.float64) - position
         distance = np.linalg.norm(towards, axis=-1)
         if not np.all(distance > self.radius):

@@ -53,7 +53,7 @@ def phong(albedo: float, exponent: float) -> Brdf:
 def modified_phong(albedo: float, exponent: float) -> Brdf:
     """albedo (n + 2) / (2 pi) cos^n(alpha), alpha the angle from outgoing to the mirror direction.
 
-    Reciprocal; reflects the fraction ``albedo`` at normal incidence and less elsewhere.  0 for alpha > 90 degrees.
+    Reciprocal; reflects the fraction ``albedo`` at normal incidence and less elsewhere.  0 beyond 90 degrees.
 
     Notes
     -----
@@ -70,7 +70,7 @@ def modified_phong(albedo: float, exponent: float) -> Brdf:
 
 
 def blinn_phong(albedo: float, exponent: float) -> Brdf:
-    """albedo (n + 2)(n + 4) / (8 pi (2^(-n/2) + n)) cos^n(theta_h), theta_h from the normal to the half-vector.
+    """albedo (n + 2)(n + 4) / (8 pi (2^(-n/2) + n)) cos^n(theta_h), theta_h that of the half-vector.
 
     Reciprocal; reflects the fraction ``albedo`` at normal incidence and less elsewhere.
 

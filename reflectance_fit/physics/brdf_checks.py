@@ -44,7 +44,7 @@ class ReciprocityCheck:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EnergyCheck:
-    """The largest directional albedo, with the direction of incidence, shape (3,), and the least BRDF value seen.
+    """The largest directional albedo, its direction of incidence, shape (3,), and the least BRDF value.
 
     ``converged`` is false where a quadrature missed its tolerance: then the
     albedo of some direction is known to ``error``, the largest estimate, at best.
@@ -58,7 +58,7 @@ class EnergyCheck:
 
     @property
     def conserves(self) -> bool:
-        """Whether no more light leaves than arrives, none of it is negative, and the quadratures say so reliably."""
+        """Whether no more light leaves than arrives, none is negative, and all quadratures converged."""
         return self.converged and self.albedo <= 1.0 + 1e-8 and self.least >= 0.0
 
 
@@ -103,7 +103,7 @@ def check_energy(brdf: Brdf, log2_directions: int = 5, seed: int = 0) -> EnergyC
         See `brdf`.
     log2_directions : int
         2^log2_directions directions, uniform in theta and phi, besides the normal and four within 1e-3 rad of
-        grazing.  Each costs a quadrature: tens of milliseconds for a smooth BRDF, more for a sharp one.
+        grazing.  Each costs a quadrature: about 0.1 s for a smooth BRDF, more for a sharp one.
     seed : int
         Of the scrambled sequence.
 

@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 
 def cone_solid_angle(half_angle: ArrayLike) -> Floats:
-    """Solid angle 4 pi sin^2(sigma / 2), in sr, of a cone of half_angle sigma in [0, pi], radians; shape S."""
+    """Solid angle 4 pi sin^2(sigma / 2), in sr, of a cone; half_angle sigma in [0, pi], shape S."""
     result: Floats = 4.0 * np.pi * np.sin(_checked_to_pi(half_angle, "half_angle") / 2.0) ** 2
     return result[()]
 

@@ -30,7 +30,7 @@ def irradiance_by_direction(light: Light, position: ArrayLike, normal: ArrayLike
     """Irradiance of an area light on one receiver, by quadrature over theta and phi.
 
     Arguments and errors as for `area_form.irradiance_by_area`.  The limits of theta
-    are known to an ulp of 1, so a light seen under the angle sigma keeps 1e-16 / sigma of its irradiance at best,
+    are known to an ulp of 1, so a light of angular size sigma is good to 1e-16 / sigma at best,
     and one seen edge-on, which a thin part of the azimuths holds, may not converge.
     """
     position, normal = checked_point(position, "position"), checked_direction(normal, "normal")

@@ -26,7 +26,7 @@ _RIM = (np.arange(24) + 0.5) * np.pi / 24
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DiskFrame:
-    """A receiver as the disk sees it; ``radial`` points from the axis to the receiver, ``normal`` to the bright side.
+    """A receiver as the disk sees it; ``radial`` points from the axis to it, ``normal`` to the bright side.
 
     The light is out of sight for h <= 0.
     """
@@ -62,8 +62,8 @@ def disk_contour(light: DiskLight, position: Floats, normal: Floats) -> tuple[Fl
     Notes
     -----
     As `rectangle_contour`.  For a whole disk the result is that of the elements to disks in J. R. Howell,
-    A Catalog of Radiation Configuration Factors (1982).  The primitive of 1 / |v|^2 is Kepler's true anomaly, written
-    phi + 2 arctan(beta sin(phi) / (1 - beta cos(phi))), which neither jumps nor cancels.
+    A Catalog of Radiation Configuration Factors (1982).  The primitive of 1 / |v|^2 is Kepler's true anomaly,
+    written phi + 2 arctan(beta sin(phi) / (1 - beta cos(phi))), which neither jumps nor cancels.
     """
     frame, radius = DiskFrame.of(light, position), light.radius
     front = frame.h > 0.0

@@ -16,7 +16,7 @@ from reflectance_fit.physics.quadrature import RTOL, Integral, grid, integrate
 Floats = NDArray[np.float64]
 Radiance = Callable[[Floats, Floats], Floats]
 
-# The octants, halved along theta: 21 points each, so at most 0.06 rad from one to the next in theta,
+# The octants, halved along theta: 21 points each, so at most 0.03 rad from one to the next in theta,
 # and 0.12 in phi.
 _THETA = np.linspace(0.0, np.pi, 9)
 _PHI = np.linspace(0.0, 2.0 * np.pi, 5)
@@ -77,7 +77,7 @@ def vector_irradiance(radiance: Radiance) -> tuple[Integral, Integral, Integral]
 
 
 def lobe_irradiance(exponent: ArrayLike) -> Floats:
-    """`hemispherical_irradiance` of L = cos(theta)^exponent, 2 pi / (exponent + 2); exponent 0 is a uniform sky.
+    """`hemispherical_irradiance` of L = cos(theta)^exponent, 2 pi / (exponent + 2); 0 is a uniform sky.
 
     Float, shape S; ValueError for a negative exponent.
     """

@@ -16,7 +16,6 @@ Floats = NDArray[np.float64]
 
 # A contour sum this much smaller than its terms has lost three digits of sixteen.
 _CANCELLED = 1e-3
-_ROUNDING = 4e-16
 
 
 def irradiance(light: Light, position: ArrayLike, normal: ArrayLike) -> Floats:
@@ -45,8 +44,7 @@ def irradiance(light: Light, position: ArrayLike, normal: ArrayLike) -> Floats:
     -----
     A sphere is exact by `cones.clipped_cone`, a whole disk by `disk_light`.  Lambert's contour sums for
     rectangles and cut disks cancel for a small or far light; those receivers, one by one
-    and about a millisecond each, get `area_form.irradiance_by_area`, whose integrand never changes sign,
-    unless that should be the less certain.
+    and some milliseconds each, get `area_form.irradiance_by_area`, whose integrand never changes sign.
 
     Examples
     --------
@@ -63,9 +61,7 @@ def irradiance(light: Light, position: ArrayLike, normal: ArrayLike) -> Floats:
     value, size = contour(light, position, normal)  # type: ignore[arg-type]
     value = np.array(light.radiance * value + 0.0)  # no -0.0
     for i in map(tuple, np.argwhere(value < _CANCELLED * light.radiance * size)):
-        found = irradiance_by_area(light, position[i], normal[i])
-        if found.error <= _ROUNDING * light.radiance * size[i]:
-            value[i] = found.value
+        value[i] = irradiance_by_area(light, position[i], normal[i]).value
     return value[()]
 
 

@@ -82,7 +82,7 @@ def mirror_radiance(radiance: Radiance, outgoing: ArrayLike, eta: float, k: floa
     """Radiance reflected by a smooth interface, F(cos theta) L_i(mirror direction), for unpolarized light.
 
     An ideal mirror has no BRDF; its albedo is Fresnel's F, so it conserves energy
-    because F <= 1.  Arguments as for `outgoing_radiance`; eta + ik is the index relative to the side of the light.
+    because F <= 1.  Arguments as for `outgoing_radiance`; eta + ik is relative to the side of the light.
     """
     towards = checked_outward(outgoing, "outgoing")
     fresnel = reflectances(min(float(towards[2]), 1.0), eta, k).mean

@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 
 def sphere_by_area(light: SphereLight, position: Floats, normal: Floats, weight: Weight | None) -> Integral:
-    """`area_form.irradiance_by_area` for a sphere, by the angle omega from its axis to the receiver and the azimuth.
+    """`area_form.irradiance_by_area` for a sphere, by angle from its axis to the receiver and azimuth.
 
     Trusts its inputs but for the receiver inside the sphere, a ValueError; unit normal.
     """

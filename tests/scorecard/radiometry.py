@@ -29,10 +29,11 @@ KINDS = ("rectangle", "disk", "sphere")
 
 def about(*, full: bool) -> str:
     return (
-        f"Seed {SEED}, {_scenes(full)} receivers a light and pair of forms, all that see the light; the horizon cuts "
-        "about a third of them. Sizes 0.2 to 3, distances 0.1 to 8. Relative differences, worst of all. "
-        "Closed: contour sums and elementary formulas. Area: integral over the light. Spherical: integral over "
-        "theta and phi about the receiver's normal."
+        f"Seed {SEED}, {_scenes(full)} receivers a light and pair of forms, all that see the light; the "
+        "horizon cuts a third to two thirds of the lights. Sizes 0.1 to 3, distances up to 8. "
+        "Relative differences, worst of all. "
+        "Closed: contour sums and elementary formulas. Area: integral over the light. Spherical: integral "
+        "over theta and phi about the receiver's normal."
     )
 
 
@@ -44,7 +45,7 @@ def figures(*, full: bool) -> Iterator[Figure]:
 
 
 def _scenes(full: bool) -> int:
-    return 2000 if full else 40
+    return 2000 if full else 60
 
 
 def _worst(name: str, pairs: list[tuple[float, float]]) -> Figure:
