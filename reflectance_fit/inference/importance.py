@@ -79,7 +79,7 @@ def laplace(
 ) -> Draws:
     """Draws of the normal approximation around the best basin, folded at its bounds."""
     best = max(components, key=lambda c: c.share)
-    factor = np.linalg.cholesky(best.covariance).T
+    factor = best.factor.T
     normal = generator.standard_normal((CHAINS * KEPT, len(best.centre))) @ factor
     x = best.fold(best.centre + normal)
     density = log_density(x)

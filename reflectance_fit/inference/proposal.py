@@ -38,6 +38,12 @@ class Component:
     bounds: FloatArray
     sides: FloatArray
 
+    @property
+    def factor(self) -> FloatArray:
+        """Lower triangle L with L L^T = covariance, found for the correlations, whose scale is 1."""
+        sd = np.sqrt(np.diag(self.covariance))
+        return np.asarray(sd[:, None] * np.linalg.cholesky(self.covariance / np.outer(sd, sd)))
+
     def images(self, x: FloatArray) -> list[FloatArray]:
         """``x``, shape (N, P), and its mirror images in every subset of the bounds."""
         folded = np.flatnonzero(np.isfinite(self.bounds))
@@ -75,9 +81,15 @@ def at_basin(
     for _ in range(_WHITENINGS):
         values, vectors = np.linalg.eigh(_curvature(value, x, factor))
         factor = factor @ (vectors / np.sqrt(np.clip(values, *_ONE_WHITENING)))
-    covariance = factor @ factor.T
-    log_mass = log_density(x[None])[0] + np.linalg.slogdet(factor)[1]
-    return float(log_mass), Component(1.0, x, covariance, *_bounds(x, covariance, ranges))
+    # A parameter that hardly anything feels is as wide as a uniform law over its range.
+    sd = np.sqrt(np.sum(factor**2, axis=1))
+    widest = np.where(sd > 0.25 * (high - low), (high - low) / np.sqrt(12.0), np.inf)
+    scaled = factor / widest[:, None]
+    inside = np.linalg.inv(np.eye(len(x)) + scaled.T @ scaled)
+    covariance = factor @ inside @ factor.T
+    component = Component(1.0, x, covariance, *_bounds(x, covariance, ranges))
+    log_mass = log_density(x[None])[0] + np.sum(np.log(np.diag(component.factor)))
+    return float(log_mass), component
 
 
 def _curvature(value: LogDensity, x: FloatArray, factor: FloatArray) -> FloatArray:
@@ -89,8 +101,9 @@ def _curvature(value: LogDensity, x: FloatArray, factor: FloatArray) -> FloatArr
     found = value(x + np.array([0 * unit[0], *unit, *-unit, *corners]) @ factor.T)
     centre, plus, minus = found[0], found[1 : size + 1], found[size + 1 : 2 * size + 1]
     curvature: FloatArray = np.diag(2 * centre - plus - minus)
-    for (i, j), (pp, pm, mp, mm) in zip(pairs, found[2 * size + 1 :].reshape(-1, 4), strict=True):
-        curvature[i, j] = curvature[j, i] = (pm + mp - pp - mm) / 4
+    with np.errstate(invalid="ignore"):
+        for (i, j), (pp, pm, mp, mm) in zip(pairs, found[2 * size + 1 :].reshape(-1, 4), strict=True):
+            curvature[i, j] = curvature[j, i] = (pm + mp - pp - mm) / 4
     # Where a neighbour is outside of the model's domain the step is long enough as it is.
     return np.where(np.isfinite(curvature), curvature, unit)
 
@@ -110,9 +123,7 @@ def draw(components: Sequence[Component], count: int, generator: np.random.Gener
     out = np.empty((count, size))
     for number, component in enumerate(components):
         mine = picks == number
-        normal = (
-            generator.standard_normal((int(mine.sum()), size)) @ np.linalg.cholesky(component.covariance).T
-        )
+        normal = generator.standard_normal((int(mine.sum()), size)) @ component.factor.T
         chi2 = generator.chisquare(DEGREES_OF_FREEDOM, size=(len(normal), 1)) / DEGREES_OF_FREEDOM
         out[mine] = component.fold(component.centre + normal / np.sqrt(chi2))
     return out
@@ -120,14 +131,20 @@ def draw(components: Sequence[Component], count: int, generator: np.random.Gener
 
 def log_pdf(components: Sequence[Component], x: FloatArray) -> FloatArray:
     """Log density of each component at ``x`` times its share, shape (C, N)."""
-    from scipy.special import logsumexp
-    from scipy.stats import multivariate_t
+    from scipy.linalg import solve_triangular
+    from scipy.special import gammaln, logsumexp
 
+    size, df = x.shape[1], DEGREES_OF_FREEDOM
+    constant = gammaln((df + size) / 2) - gammaln(df / 2) - size / 2 * np.log(df * np.pi)
     found = []
     for c in components:
-        law = multivariate_t(c.centre, c.covariance, df=DEGREES_OF_FREEDOM)
-        each = np.stack([np.atleast_1d(law.logpdf(image)) for image in c.images(x)])
-        found.append(np.log(c.share) + logsumexp(each, axis=0))
+        # scipy's multivariate_t takes a ridge between a tiny and a large coordinate for singular.
+        each = []
+        for image in c.images(x):
+            z = solve_triangular(c.factor, (image - c.centre).T, lower=True)
+            each.append(-(df + size) / 2 * np.log1p(np.sum(z**2, axis=0) / df))
+        volume = np.sum(np.log(np.diag(c.factor)))
+        found.append(np.log(c.share) + constant - volume + logsumexp(each, axis=0))
     return np.stack(found)
 
 

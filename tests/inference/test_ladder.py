@@ -163,3 +163,21 @@ def test_equal_seeds_give_equal_draws(glass):
     )
     np.testing.assert_array_equal(first.samples["eta"], again.samples["eta"])
     assert not np.array_equal(first.samples["eta"], other.samples["eta"])
+
+
+def test_what_nothing_feels_is_as_wide_as_its_range():
+    """A coordinate without any information beside one known to 1e-9 of its range: neither singular nor endless."""
+    ranges = np.array([[0.0, 1.0], [-90.0, 90.0]])
+
+    def log_density(x):
+        inside = (x >= ranges[:, 0]).all(axis=1) & (x <= ranges[:, 1]).all(axis=1)
+        return np.where(inside, -0.5 * ((x[:, 0] - 0.5) / 1e-9) ** 2, -np.inf)
+
+    _, component = one(log_density, [0.5, 10.0], [1e-9, 40.0], ranges)
+    drawn = importance.importance(log_density, [component], ranges, np.random.default_rng(6), min_ess=2000.0)
+    assert drawn.trusted
+    second = drawn.x[..., 1].ravel()
+    error = 4 / np.sqrt(drawn.ess)
+    assert second.mean() == pytest.approx(0, abs=error * 180 / np.sqrt(12))
+    assert second.std() == pytest.approx(180 / np.sqrt(12), rel=error)
+    assert drawn.x[..., 0].std() == pytest.approx(1e-9, rel=error)
