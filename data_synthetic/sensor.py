@@ -158,14 +158,18 @@ def expose(
     uint16, shape (height, width)
         The colour filter array, DN.
     """
-    electrons = (radiance * pixels.response + pixels.background) * np.float32(exposure_s)
+    electrons = radiance * pixels.response
+    electrons += pixels.background
+    electrons *= np.float32(exposure_s)
     if generator is None:
         electrons = np.minimum(electrons, np.float32(sensor.full_well_e))
     else:
         electrons = _read_out(electrons, sensor, generator)
-    dn = electrons / np.float32(sensor.gain_e_per_dn) + pixels.offset
-    dn = np.rint(np.clip(dn, 0, sensor.white))
-    return np.asarray(dn, dtype=np.uint16)
+    electrons /= np.float32(sensor.gain_e_per_dn)
+    electrons += pixels.offset
+    np.clip(electrons, 0, sensor.white, out=electrons)
+    np.rint(electrons, out=electrons)
+    return electrons.astype(np.uint16)
 
 
 def _read_out(electrons: FloatArray, sensor: Sensor, generator: np.random.Generator) -> FloatArray:
@@ -177,12 +181,17 @@ def _read_out(electrons: FloatArray, sensor: Sensor, generator: np.random.Genera
     """
     noise = generator.standard_normal(electrons.shape, dtype=np.float32)
     read, well = np.float32(sensor.read_noise_e), np.float32(sensor.full_well_e)
-    charge: FloatArray = electrons + noise * np.sqrt(electrons + read**2)
+    # In place, because a frame's size of fresh memory costs as much as the arithmetic on it.
+    charge = electrons + read**2
+    np.sqrt(charge, out=charge)
+    charge *= noise
+    charge += electrons
     dim = electrons < BRIGHT_E
     if dim.any():
         charge[dim] = _poisson(electrons[dim], generator) + read * noise[dim]
-    filling = electrons > well - _FAR * math.sqrt(well)
-    if filling.any():
+    nearly_full = well - _FAR * math.sqrt(well)
+    if electrons.max() > nearly_full:
+        filling = electrons > nearly_full
         mean = electrons[filling]
         shot = mean + np.sqrt(mean) * generator.standard_normal(mean.shape, dtype=np.float32)
         charge[filling] = np.minimum(shot, well) + read * noise[filling]

@@ -25,7 +25,7 @@ _QUARTER_WAVE_NM = 550.0
 _DIELECTRIC_DEG = (30.0, 45.0, 55.0, 60.0, 70.0)
 _METAL_DEG = (45.0, 60.0, 70.0, 75.0, 80.0)
 # A flat sample reaches beyond the region that is measured; shares of the frame, on each side.
-_SAMPLE, _REGION = 0.05, 0.25
+_SAMPLE, _REGION = 0.02, 0.25
 _RADIUS = 0.42  # of the frame's height
 # Over a quarter-wave plate at 0 these two differ by S3.
 _WITH_PLATE_DEG = (45.0, 135.0)
