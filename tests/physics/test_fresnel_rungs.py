@@ -366,7 +366,7 @@ def test_differences_keep_their_digits_however_far_they_cancel(leads):
             distance, keep = eta - 1.0, eta > 0
         contrast, opposite, _, _ = differences.exact_index(eta, distance, 0.0 * c)
         c2, s2 = differences.exact_squares(c, sine if leads == "sine" else np.full(c.size, -1.0))
-        pair = differences.exact_differences(c2, contrast, opposite)[place]
+        pair = differences.exact_d(c2, opposite) if place else differences.exact_a(c2, contrast)
         best = np.argsort(np.where(keep, abs(pair[0]) / eta**2, np.inf))[:200]
         assert np.median(abs(pair[0][best] / eta[best] ** 2)) < (1e-15 if exactly else 1e-18)
         for i in best:
