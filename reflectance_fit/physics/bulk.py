@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 
 from reflectance_fit.physics import chain
 from reflectance_fit.physics.differences import (
-    exact_differences,
+    brief_a,
+    brief_d,
+    exact_a,
     exact_index,
     exact_squares,
-    fused_differences,
     plain_differences,
     plain_index,
     plain_squares,
@@ -29,9 +30,9 @@ from reflectance_fit.physics.differences import (
 from reflectance_fit.physics.domain import BAD_COSINE, checked_index
 from reflectance_fit.physics.extremes import out_of_range
 from reflectance_fit.physics.fresnel import Rung, reflectances
-from reflectance_fit.physics.jit import threadable
+from reflectance_fit.physics.jit import shared, threadable
 from reflectance_fit.physics.pairs import add, multiply, multiply_add, negative, rounded, square
-from reflectance_fit.physics.words import fma, warn_without_fma
+from reflectance_fit.physics.words import Word, fma, select, warn_without_fma
 
 Floats = NDArray[np.float32] | NDArray[np.float64]
 
@@ -121,6 +122,12 @@ def _parts(size: int, threads: int) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(edges)]
 
 
+@shared
+def _bounded(r: Word, t: Word) -> Word:
+    """R from words: above a half its complement is the more exact, and not above 1.  A rounded pair needs none."""
+    return select(t < 0.5, 1.0 - t, r)
+
+
 @threadable
 def _plain_dielectric(cosines: Any, eta: float, k: float, out: Any) -> bool:
     contrast, re_eps, _, contrast2 = plain_index(eta, eta - 1.0, k)
@@ -130,7 +137,8 @@ def _plain_dielectric(cosines: Any, eta: float, k: float, out: Any) -> bool:
         c2, s2 = plain_squares(c, -1.0)
         a, d = plain_differences(c2, s2, contrast, re_eps)
         h, u = chain.dielectric_wave(1.0, a)
-        out[i] = chain.unpolarized(multiply_add, c, 1.0, c2, s2, h, u, contrast2, d * d)
+        r, t = chain.unpolarized(multiply_add, c, 1.0, c2, s2, h, u, contrast2, d * d)
+        out[i] = _bounded(r, t)
         good &= (c >= 0.0) & (c <= 1.0)
     return good
 
@@ -142,24 +150,27 @@ def _compensated_dielectric(cosines: Any, eta: float, k: float, out: Any) -> boo
     good = True
     for i in range(cosines.size):
         c = float(cosines[i])
-        c2, s2, a, d = fused_differences(c, contrast, re_eps)
-        h, u = chain.dielectric_wave(1.0, a)
-        out[i] = chain.unpolarized(fma, c, 1.0, c2, s2, h, u, rounded(contrast2), d * d)
+        c2, s2 = exact_squares(c, -1.0)
+        h, u = chain.dielectric_wave(1.0, brief_a(c, contrast))
+        d = rounded(brief_d(c2, s2, re_eps))
+        r, t = chain.unpolarized(fma, c, 1.0, c2[0], rounded(s2), h, u, rounded(contrast2), d * d)
+        out[i] = _bounded(r, t)
         good &= (c >= 0.0) & (c <= 1.0)
     return good
 
 
 @threadable
 def _double_word_dielectric(cosines: Any, eta: float, k: float, out: Any) -> bool:
-    contrast, opposite, _, contrast2 = exact_index(eta, eta - 1.0, k)
+    contrast, _, _, contrast2 = exact_index(eta, eta - 1.0, k)
+    re_eps, one = square((eta, 0.0)), (1.0, 0.0)
     good = True
     for i in range(cosines.size):
         c = float(cosines[i])
         words, s2 = exact_squares(c, -1.0)
-        a, d = exact_differences(words, contrast, opposite)
-        h, u = chain.dielectric_wave((1.0, 0.0), a)
-        c2 = (words[0], words[1])
-        out[i] = chain.unpolarized(multiply_add, c, (1.0, 0.0), c2, s2, h, u, contrast2, square(d))
+        c2, d = (words[0], words[1]), brief_d(words, s2, re_eps)
+        h, u = chain.dielectric_wave(one, exact_a(words, contrast))
+        r, _ = chain.unpolarized(multiply_add, c, one, c2, s2, h, u, contrast2, square(d))
+        out[i] = rounded(r)
         good &= (c >= 0.0) & (c <= 1.0)
     return good
 
@@ -174,7 +185,8 @@ def _plain_conductor(cosines: Any, eta: float, k: float, out: Any) -> bool:
         a, d = plain_differences(c2, s2, contrast, re_eps)
         h, u, _ = chain.wave(a, b, a * a + b * b)
         brewster2 = d * d + (b * c2) * (b * c2)
-        out[i] = chain.unpolarized(multiply_add, c, 1.0, c2, s2, h, u, contrast2, brewster2)
+        r, t = chain.unpolarized(multiply_add, c, 1.0, c2, s2, h, u, contrast2, brewster2)
+        out[i] = _bounded(r, t)
         good &= (c >= 0.0) & (c <= 1.0)
     return good
 
@@ -187,27 +199,30 @@ def _compensated_conductor(cosines: Any, eta: float, k: float, out: Any) -> bool
     good = True
     for i in range(cosines.size):
         c = float(cosines[i])
-        c2, s2, a, d = fused_differences(c, contrast, re_eps)
+        c2, s2 = exact_squares(c, -1.0)
+        a, d = brief_a(c, contrast), rounded(brief_d(c2, s2, re_eps))
         h, u, _ = chain.wave(a, b, fma(a, a, b2))
-        brewster2 = fma(d, d, b2 * (c2 * c2))
-        out[i] = chain.unpolarized(fma, c, 1.0, c2, s2, h, u, rounded(contrast2), brewster2)
+        brewster2 = fma(d, d, b2 * (c2[0] * c2[0]))
+        r, t = chain.unpolarized(fma, c, 1.0, c2[0], rounded(s2), h, u, rounded(contrast2), brewster2)
+        out[i] = _bounded(r, t)
         good &= (c >= 0.0) & (c <= 1.0)
     return good
 
 
 @threadable
 def _double_word_conductor(cosines: Any, eta: float, k: float, out: Any) -> bool:
-    contrast, opposite, b, contrast2 = exact_index(eta, eta - 1.0, k)
-    b2 = square(b)
+    contrast, _, b, contrast2 = exact_index(eta, eta - 1.0, k)
+    re_eps = add(square((eta, 0.0)), negative(square((k, 0.0))))
+    b2, one = square(b), (1.0, 0.0)
     good = True
     for i in range(cosines.size):
         c = float(cosines[i])
         words, s2 = exact_squares(c, -1.0)
-        a, d = exact_differences(words, contrast, opposite)
+        a, d, c2 = exact_a(words, contrast), brief_d(words, s2, re_eps), (words[0], words[1])
         h, u, _ = chain.wave(a, b, add(square(a), b2))
-        c2 = (words[0], words[1])
-        brewster2 = add(square(d), square(multiply(b, c2)))
-        out[i] = chain.unpolarized(multiply_add, c, (1.0, 0.0), c2, s2, h, u, contrast2, brewster2)
+        brewster2 = add(square(d), multiply(b2, square(c2)))
+        r, _ = chain.unpolarized(multiply_add, c, one, c2, s2, h, u, contrast2, brewster2)
+        out[i] = rounded(r)
         good &= (c >= 0.0) & (c <= 1.0)
     return good
 

@@ -101,16 +101,14 @@ def unpolarized(
     u: Number,
     contrast2: Number,
     brewster2: Number,
-) -> Word:
-    """(R_s + R_p) / 2 with one division: both are over (D E)^2, and so are the transmittances over D E."""
+) -> tuple[Number, Number]:
+    """(R_s + R_p) / 2 and (T_s + T_p) / 2 with one division: R_s and R_p are over (D E)^2, T_s and T_p over D E."""
     denominator_s, denominator_p, tau = denominators(fused, c, c2, s2, h, u)
     inverse = divide(one, multiply(denominator_s, denominator_p))
     transmitted = multiply(multiply(tau, inverse), add(denominator_p, add(h, s2)))
     sums = fused(denominator_p, denominator_p, brewster2)
     reflected = halve(multiply(multiply(contrast2, square(inverse)), sums))
-    # Above a half the complement is the more exact, and never above 1.
-    mostly = leading(transmitted) < 0.5
-    return rounded(choose(mostly, add(one, negative(transmitted)), reflected))
+    return reflected, transmitted
 
 
 @shared

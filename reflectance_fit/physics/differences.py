@@ -78,8 +78,8 @@ def exact_index(eta: Word, eta_minus_one: Word, k: Word) -> tuple[Triple, Triple
 
 
 @shared
-def exact_differences(c2: Triple, contrast: Triple, opposite: Triple) -> tuple[Pair, Pair]:
-    """a = c^2 + contrast and d = (Re eps + 1) c^2 - 1 as pairs good to their last digits.
+def exact_a(c2: Triple, contrast: Triple) -> Pair:
+    """a = c^2 + contrast, good to its last digits.
 
     Where leading words cancel they do so without an error, and the errors of
     the next words are kept: what is dropped is 2^-159 of the largest term.
@@ -88,7 +88,13 @@ def exact_differences(c2: Triple, contrast: Triple, opposite: Triple) -> tuple[P
     high, error_1 = two_sum(p, contrast[0])
     low, error_2 = two_sum(q, contrast[1])
     high, error_3 = two_sum(high, low)
-    a = fast_two_sum(high, error_3 + ((error_1 + r) + (error_2 + contrast[2])))
+    return fast_two_sum(high, error_3 + ((error_1 + r) + (error_2 + contrast[2])))
+
+
+@shared
+def exact_d(c2: Triple, opposite: Triple) -> Pair:
+    """d = (Re eps + 1) c^2 - 1, as good as ``exact_a``."""
+    p, q, r = c2
     largest, largest_low = two_prod(opposite[0], p)
     next_1, next_1_low = two_prod(opposite[0], q)
     next_2, next_2_low = two_prod(opposite[1], p)
@@ -97,23 +103,22 @@ def exact_differences(c2: Triple, contrast: Triple, opposite: Triple) -> tuple[P
     low, error_3 = two_sum(low, largest_low)
     high, error_4 = two_sum(high, low)
     last = fma(opposite[0], r, fma(opposite[1], q, fma(opposite[2], p, next_1_low + next_2_low)))
-    d = fast_two_sum(high, error_4 + (error_1 + (error_2 + error_3 + last)))
-    return a, d
+    return fast_two_sum(high, error_4 + (error_1 + (error_2 + error_3 + last)))
 
 
 @shared
-def fused_differences(c: Word, contrast: Triple, re_eps: Pair) -> tuple[Word, Word, Word, Word]:
-    """c^2, s^2, a and d as words, for the sum R_s + R_p: d is good to 2^-106 of s^2, which R_p alone would miss.
+def brief_a(c: Word, contrast: Triple) -> Word:
+    """a as a word: the fused sum is exact where it cancels so far that the next word counts."""
+    return (fma(c, c, contrast[0]) + contrast[1]) + contrast[2]
 
-    a needs no more: fma(c, c, contrast) is exact where it cancels so far that the next word counts.
-    """
-    p, q = two_prod(c, c)
-    high, low = fast_two_sum(1.0, -p)
-    low = low - q
-    a = (fma(c, c, contrast[0]) + contrast[1]) + contrast[2]
-    product, rest = two_prod(re_eps[0], p)
-    d = (product - high) + ((rest - low) + fma(re_eps[0], q, re_eps[1] * p))
-    return p, high + low, a, d
+
+@shared
+def brief_d(c2: Triple, s2: Pair, re_eps: Pair) -> Pair:
+    """d to 2^-106 of s^2, which is enough beside R_s: only R_p by itself would miss more."""
+    product, product_low = two_prod(re_eps[0], c2[0])
+    high, error = two_sum(product, -s2[0])
+    low = (product_low - s2[1]) + fma(re_eps[0], c2[1], re_eps[1] * c2[0])
+    return fast_two_sum(high, error + low)
 
 
 @shared

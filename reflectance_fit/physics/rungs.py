@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from reflectance_fit.physics import chain
 from reflectance_fit.physics.differences import (
-    exact_differences,
+    exact_a,
+    exact_d,
     exact_index,
     exact_squares,
     plain_differences,
@@ -47,7 +48,7 @@ def exact_terms(c: Word, sine: Word, eta: Word, eta_minus_one: Word, k: Word) ->
     """The same in pairs."""
     contrast, opposite, b, contrast2 = exact_index(eta, eta_minus_one, k)
     c2_words, s2 = exact_squares(c, sine)
-    a, d = exact_differences(c2_words, contrast, opposite)
+    a, d = exact_a(c2_words, contrast), exact_d(c2_words, opposite)
     c2 = (c2_words[0], c2_words[1])
     wave2, brewster2 = add(square(a), square(b)), add(square(d), square(multiply(b, c2)))
     return c2, s2, a, d, b, (contrast[0], contrast[1]), wave2, contrast2, brewster2
