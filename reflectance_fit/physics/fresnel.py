@@ -245,15 +245,6 @@ def radiance_transmission_factor(eta: ArrayLike) -> Floats:
     return result[()]
 
 
-def rho_parts(c: Floats, s2: Floats, eta: Floats, k: Floats, w: Complexes) -> tuple[Complexes, Complexes]:
-    """Numerator N and D with r_p / r_s = N / D^2.  Trusts its inputs.
-
-    D = w c + s^2 is zero nowhere: s^2 > 0 but at normal incidence, where w = eta + ik.
-    """
-    real = (eta - k) * (eta + k) * c**2 - s2
-    return -(real + 2j * eta * k * c**2), w * c + s2
-
-
 def _at(
     c: Floats, sine: Floats, eta: ArrayLike, k: ArrayLike, rung: Rung, kind: np.dtype[Any]
 ) -> Reflectances:
