@@ -7,7 +7,7 @@ strict, without any of the compiler's liberties, and makes no temporaries.
 
 from __future__ import annotations
 
-from typing import get_args
+from typing import cast, get_args
 
 import numba
 import numpy as np
@@ -69,7 +69,7 @@ def unpolarized(
     if threads < 1:
         raise ValueError(f"threads must be at least 1, not {threads}")
     index, extinction = (float(x) for x in checked_index(eta, k))
-    c: Floats = np.asarray(cos_theta_i)
+    c = cast(Floats, np.asarray(cos_theta_i))
     if c.dtype not in (np.float32, np.float64) or c.ndim != 1 or not c.flags.c_contiguous:
         raise ValueError("cos_theta_i must be a contiguous float32 or float64 array of one dimension")
     if out is None:
