@@ -50,13 +50,13 @@ def _private_folder() -> Path | None:
 _FOLDER = _private_folder()
 
 
-def _compile(function: Function, *, forceinline: bool = False, nogil: bool = False) -> Function:
+def _compile(function: Function, *, forceinline: bool = False, parallel: bool = False) -> Function:
     # numba reads the folder when it decorates; other libraries' kernels keep theirs.
     before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
     numba.config.CACHE_DIR = str(_FOLDER or before)  # type: ignore[attr-defined]
     try:
         compiled: Any = njit(
-            cache=_FOLDER is not None, error_model="numpy", forceinline=forceinline, nogil=nogil
+            cache=_FOLDER is not None, error_model="numpy", forceinline=forceinline, parallel=parallel
         )(function)
         return cast(Function, compiled)
     finally:
@@ -68,9 +68,12 @@ def kernel(function: Function) -> Function:
     return _compile(function)
 
 
-def threadable(function: Function) -> Function:
-    """As ``kernel``, for loops over arrays: other threads run beside it."""
-    return _compile(function, nogil=True)
+def threaded(function: Function) -> Function:
+    """As ``kernel``, its ``prange`` on all of numba's threads.
+
+    No serial kernel of the same module may have its name: they would share a place in the cache.
+    """
+    return _compile(function, parallel=True)
 
 
 def inlined(function: Function) -> Function:

@@ -24,7 +24,7 @@ from reflectance_fit.physics.differences import (
     plain_index,
     plain_squares,
 )
-from reflectance_fit.physics.jit import shared, threadable
+from reflectance_fit.physics.jit import kernel, shared
 from reflectance_fit.physics.pairs import add, multiply, multiply_add, rounded, square
 from reflectance_fit.physics.words import Word, fma, warn_without_fma
 
@@ -124,42 +124,42 @@ def _each(
 # One function a kernel, because numba keeps no closures.
 
 
-@threadable
+@kernel
 def _plain_powers(
     c: Floats, sine: Floats, eta: Floats, eta_minus_one: Floats, k: Floats, out: Floats
 ) -> None:
     _each(plain_powers, c, sine, eta, eta_minus_one, k, out)
 
 
-@threadable
+@kernel
 def _compensated_powers(
     c: Floats, sine: Floats, eta: Floats, eta_minus_one: Floats, k: Floats, out: Floats
 ) -> None:
     _each(compensated_powers, c, sine, eta, eta_minus_one, k, out)
 
 
-@threadable
+@kernel
 def _double_word_powers(
     c: Floats, sine: Floats, eta: Floats, eta_minus_one: Floats, k: Floats, out: Floats
 ) -> None:
     _each(double_word_powers, c, sine, eta, eta_minus_one, k, out)
 
 
-@threadable
+@kernel
 def _plain_amplitudes(
     c: Floats, sine: Floats, eta: Floats, eta_minus_one: Floats, k: Floats, out: Floats
 ) -> None:
     _each(plain_amplitudes, c, sine, eta, eta_minus_one, k, out)
 
 
-@threadable
+@kernel
 def _compensated_amplitudes(
     c: Floats, sine: Floats, eta: Floats, eta_minus_one: Floats, k: Floats, out: Floats
 ) -> None:
     _each(compensated_amplitudes, c, sine, eta, eta_minus_one, k, out)
 
 
-@threadable
+@kernel
 def _double_word_amplitudes(
     c: Floats, sine: Floats, eta: Floats, eta_minus_one: Floats, k: Floats, out: Floats
 ) -> None:
