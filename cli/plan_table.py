@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .tables import _show, _table, plus_minus
+from .tables import plus_minus, show, table_of
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -40,14 +40,14 @@ def print_plan(found: Plan) -> None:
     for best in found.best:
         click.echo()
         needs = best.design.kind.equipment
-        table = _table(TITLES[needs])
+        table = table_of(TITLES[needs])
         for heading in HEADINGS:
             table.add_column(heading, no_wrap=True)
         options = [o for o in found.usual if o.design.kind.equipment == needs]
         for option in (*options, best):
             name = "usual" if option is not best else "best, recommended" if best is chosen else "best"
             table.add_row(*_cells(option, name))
-        _show(table)
+        show(table)
         for option in (*options, best):
             for words in _more_than_the_cells(option):
                 click.echo(f"  {_angles(option)}, {option.design.kind.name}: {words}")

@@ -30,7 +30,7 @@ def print_result(report: Report, folder: Path) -> None:
 
     if is_quiet():
         return
-    table = _table(report.sample.name)
+    table = table_of(report.sample.name)
     for heading in ("channel", "eta", "k", "Brewster (deg)", "model", "red. chi2"):
         table.add_column(heading, no_wrap=True)
     for channel in report.channels:
@@ -51,7 +51,7 @@ def print_result(report: Report, folder: Path) -> None:
         )
         for warning in report.warnings
     ]
-    _show(table, *warnings)
+    show(table, *warnings)
     click.echo(f"wrote {folder / 'report.yaml'}")
 
 
@@ -59,7 +59,7 @@ def print_recovered(results: Sequence[tuple[str, Report, Truth]], folder: Path) 
     """Recovered against true for each material and channel, in units of the recovered sd."""
     if is_quiet():
         return
-    table = _table("recovered against true")
+    table = table_of("recovered against true")
     for heading in ("material", "channel", "quantity", "true", "recovered", "off by"):
         table.add_column(heading, no_wrap=True)
     for material, report, truth in results:
@@ -73,7 +73,7 @@ def print_recovered(results: Sequence[tuple[str, Report, Truth]], folder: Path) 
                 known = found.median is not None and found.sd
                 off = f"{(found.median - value) / found.sd:+.1f} sd" if known else "-"  # type: ignore[operator]
                 table.add_row(material, channel.channel, name, f"{value:.5f}", in_words(found), off)
-    _show(table)
+    show(table)
     for material, _, _ in results:
         click.echo(f"wrote {folder / material / 'result'}")
 
@@ -85,7 +85,7 @@ def print_frames(ingested: Ingested, out: Path) -> None:
     if is_quiet():
         return
     capture = ingested.capture
-    table = _table(capture.sample_name)
+    table = table_of(capture.sample_name)
     headings = ("frame", "role", "theta (deg)", "analyzer (deg)", "exposure (s)", "pixels", "clipped (%)")
     for heading in (*headings, *(f"{name} (DN/s)" for name in capture.channels), "status"):
         table.add_column(heading, no_wrap=True)
@@ -119,7 +119,7 @@ def print_frames(ingested: Ingested, out: Path) -> None:
         Text(f"{note.code}: {printable(note.message)}", style="yellow")
         for note in ingested.measurement.warnings
     ]
-    _show(table, *notes)
+    show(table, *notes)
     click.echo(f"wrote {out}: {len(ingested.measurement.observations)} rows")
 
 
@@ -127,7 +127,8 @@ def _number(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:g}"
 
 
-def _table(title: str) -> Table:
+def table_of(title: str) -> Table:
+    """An empty table in the style of all; control characters in ``title`` are made visible."""
     from rich.table import Table
     from rich.text import Text
 
@@ -137,7 +138,7 @@ def _table(title: str) -> Table:
     return Table(title=Text(title), box=None, pad_edge=False, title_justify="left")
 
 
-def _show(*parts: Table | Text) -> None:
+def show(*parts: Table | Text) -> None:
     """To standard output; wide where it is no terminal, so that nothing is cut or wrapped."""
     from rich.console import Console
 
@@ -175,7 +176,7 @@ def print_approximations(title: str, errors: SchlickError) -> None:
     """Every approximation against exact, one line each; 99 columns at most, the title aside."""
     if is_quiet():
         return
-    table = _table(title)
+    table = table_of(title)
     table.add_column("approximation", no_wrap=True)
     spread = errors.max_abs_error_posterior is not None
     headings = (
@@ -201,7 +202,7 @@ def print_approximations(title: str, errors: SchlickError) -> None:
             "-" if row.ns_per_eval is None else f"{row.ns_per_eval:.1f}",
         ]
         table.add_row(row.name, *cells)
-    _show(table)
+    show(table)
 
 
 def _error(size: float) -> str:

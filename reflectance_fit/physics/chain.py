@@ -44,7 +44,8 @@ def wave(a: Number, b: Number, wave2: Number) -> tuple[Number, Number, Number]:
     h = root(wave2)
     below = leading(a) < 0
     larger = root(halve(add(h, choose(below, negative(a), a))))
-    smaller = divide(halve(b), larger)
+    # k = 0 has none, and a rounded a may then be 0 too.
+    smaller = choose(leading(b) == 0, b, divide(halve(b), larger))
     return h, choose(below, smaller, larger), choose(below, larger, smaller)
 
 

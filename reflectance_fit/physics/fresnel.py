@@ -66,7 +66,7 @@ def amplitudes(
     eta, k : float, broadcastable to S
         Index of the far medium relative to the near one, eta + ik.
     rung : {"plain", "compensated", "double_word"}
-        How much arithmetic to spend; see the module.
+        How much arithmetic to spend; the last two give the same here.
 
     Returns
     -------
