@@ -23,7 +23,7 @@ BLOCK = re.compile(
 )
 RUN, COMPARED, SHOWN = {"bash", "python"}, {"text"}, {"yaml", "csv"}
 # What sets up an environment cannot run inside of one; a table with timings differs in every run.
-MAY_BE_SKIPPED = re.compile(r"pip install |ns a value")
+MAY_BE_SKIPPED = re.compile(r"pip install |ns/value")
 
 
 def blocks():

@@ -192,11 +192,21 @@ def test_the_readable_form_is_the_kernel(rung):
     for name, (c, eta, k) in REGIMES.items():
         inside = ~out_of_range(c, eta, eta - 1.0, k)
         arguments = [x[inside] for x in (c, np.full(N, -1.0), eta, eta - 1.0, k)]
-        for powers, kind in ((True, "powers"), (False, "amplitudes")):
+        pairs = {"compensated": "double_word"}.get(rung, rung)
+        for powers, core in ((True, f"{rung}_powers"), (False, f"{pairs}_amplitudes")):
             kernel = rungs.evaluate(powers, rung, *arguments)
             with np.errstate(divide="ignore", invalid="ignore"):
-                readable = np.array(getattr(rungs, f"{rung}_{kind}")(*arguments))
+                readable = np.array(getattr(rungs, core)(*arguments))
             np.testing.assert_array_max_ulp(readable, kernel, maxulp=1), name
+
+
+def test_at_the_edge_of_total_reflection_plain_words_find_no_wave_at_all():
+    """eta^2 - sin^2 rounds to 0: neither part of w may come from dividing by the other."""
+    c, eta = float.fromhex("0x1.3bdf1e6a0cb1ap-1"), float.fromhex("0x1.92f3585195fb3p-1")
+    assert amplitudes(c, eta, rung="plain") == (1.0, 1.0)
+    exact = amplitudes(c, eta)
+    np.testing.assert_allclose(exact, [1.0, 1.0], rtol=0, atol=1e-7)
+    assert exact[0] != 1.0
 
 
 def test_decimals_agree_with_the_kernels_where_both_have_room():
