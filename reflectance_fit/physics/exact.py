@@ -3,7 +3,7 @@
 A `Pair` is the unevaluated sum of two float64, some 32 digits.  Where a formula
 subtracts nearly equal squares (Brewster's angle, the critical angle, a double
 root), forming that one difference as a pair leaves the result as good as the
-input.  Numpy arrays throughout; no fused multiply-add is needed.
+input.  Numpy arrays throughout, with operators; `pairs` is for kernels.
 """
 
 from __future__ import annotations
@@ -13,10 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Floats = NDArray[np.float64]
+from reflectance_fit.physics.words import fast_two_sum, two_prod, two_sum
 
-# Veltkamp: multiplying by 2^27 + 1 splits 53 bits into two halves whose products are exact.
-_SPLITTER = 134217729.0
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,20 +38,20 @@ class Pair:
 
     def __add__(self, other: Pair | ArrayLike) -> Pair:
         other = pair(other)
-        high, error = _two_sum(self.high, other.high)
-        low, lowest = _two_sum(self.low, other.low)
-        high, error = _fast_two_sum(high, error + low)
-        return Pair(*_fast_two_sum(high, lowest + error))
+        high, error = two_sum(self.high, other.high)
+        low, lowest = two_sum(self.low, other.low)
+        high, error = fast_two_sum(high, error + low)
+        return Pair(*fast_two_sum(high, lowest + error))
 
     def __mul__(self, other: Pair | ArrayLike) -> Pair:
         other = pair(other)
-        product, error = _two_product(self.high, other.high)
-        return Pair(*_fast_two_sum(product, error + (self.high * other.low + self.low * other.high)))
+        product, error = two_prod(self.high, other.high)
+        return Pair(*fast_two_sum(product, error + (self.high * other.low + self.low * other.high)))
 
     def __truediv__(self, other: Pair | ArrayLike) -> Pair:
         other = pair(other)
         quotient = self.high / other.high
-        return Pair(*_fast_two_sum(quotient, (self - other * quotient).high / other.high))
+        return Pair(*fast_two_sum(quotient, (self - other * quotient).high / other.high))
 
     def __neg__(self) -> Pair:
         return Pair(-self.high, -self.low)
@@ -71,7 +70,7 @@ class Pair:
         root = np.sqrt(self.high)
         # One step of Newton's method from a root that is right to half an ulp.
         correction = (self - square(root)).high / np.where(root > 0.0, 2.0 * root, 1.0)
-        return Pair(*_fast_two_sum(root, correction))
+        return Pair(*fast_two_sum(root, correction))
 
 
 def pair(value: Pair | ArrayLike) -> Pair:
@@ -85,32 +84,4 @@ def pair(value: Pair | ArrayLike) -> Pair:
 def square(value: ArrayLike) -> Pair:
     """The exact square of a float64; shape S."""
     value = np.asarray(value, dtype=np.float64)
-    return Pair(*_two_product(value, value))
-
-
-def _two_sum(a: Floats, b: Floats) -> tuple[Floats, Floats]:
-    """a + b rounded, and what rounding took away."""
-    total = a + b
-    of_b = total - a
-    return total, (a - (total - of_b)) + (b - of_b)
-
-
-def _fast_two_sum(a: Floats, b: Floats) -> tuple[Floats, Floats]:
-    """`_two_sum` for |a| >= |b|."""
-    total = a + b
-    return total, b - (total - a)
-
-
-def _two_product(a: Floats, b: Floats) -> tuple[Floats, Floats]:
-    """a * b rounded, and what rounding took away (Dekker, 1971)."""
-    product = a * b
-    a_high, a_low = _split(a)
-    b_high, b_low = _split(b)
-    error = a_low * b_low - (((product - a_high * b_high) - a_low * b_high) - a_high * b_low)
-    return product, error
-
-
-def _split(a: Floats) -> tuple[Floats, Floats]:
-    scaled = _SPLITTER * a
-    high = scaled - (scaled - a)
-    return high, a - high
+    return Pair(*two_prod(value, value))
