@@ -86,7 +86,10 @@ def test_k_given_eta_is_right_to_an_ulp_down_to_the_transparent_medium(eta, dist
         largest = r * (1 + x) ** 2
         square = largest - (1 - x) ** 2
         if square > 1e-15 * largest:
-            assert ulps(k_from_r0_given_eta(r0, eta).k, mpmath.sqrt(square / (1 - r))) <= 0.51
+            # Pairs leave a few 2^-106 of the terms, of which the difference is ever less.
+            lost = float(2 * mpmath.mpf(2) ** -53 * largest / square)
+            found = ulps(k_from_r0_given_eta(r0, eta).k, mpmath.sqrt(square / (1 - r)))
+            assert found <= 0.51 + lost
 
 
 @given(eta=st.floats(1.0, 1e4))

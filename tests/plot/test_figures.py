@@ -56,8 +56,7 @@ def test_rank_densities_are_the_histogram_of_ranks(ensembles, walkers, draws, se
     values = np.random.default_rng(seed).normal(size=(ensembles * walkers, draws))
     ensemble = np.repeat(np.arange(ensembles), walkers)
     posterior = Posterior(
-        "dielectric", "emcee", ("eta",), {"eta": values}, values, ensemble, 0, 0, 0.4, {}, {}, True,
-        np.zeros(1), np.zeros(1), np.zeros((ensembles, 1, 1)),
+        "dielectric", "emcee", ("eta",), {"eta": values}, values, ensemble, {}, True
     )  # fmt: skip
     ranks = ((rankdata(values) - 1) / values.size).reshape(values.shape)
     bars = np.floor(ranks * RANK_BARS + 1e-9).astype(int)
