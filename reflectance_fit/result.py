@@ -123,6 +123,19 @@ class Interval:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Shared:
+    """What the channels of one fit have in common: eta = a + b / wavelength^2, the wavelength in um.
+
+    Draws have shape (chain, draw); ``gains`` are those of all channels.
+    """
+
+    channels: tuple[str, ...]
+    gains: dict[str, float]
+    cauchy_a: FloatArray
+    cauchy_b_um2: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Fit:
     """One independent fit: one channel's rows, the model chosen and its posterior.
 
@@ -131,6 +144,8 @@ class Fit:
     comes from it; else it is None.  ``intervals`` holds eta, k, r0 and the
     angles (brewster_deg, second_brewster_deg, principal_angle_deg), and
     ``derived`` the draws behind the derived ones, shape (chain, draw).
+    ``shared`` is None unless several channels lie on one dispersion curve: then
+    chi2, dof and bic of the optimum are those of all of them.
     """
 
     channel: str
@@ -147,6 +162,7 @@ class Fit:
     estimated_sigma: dict[str, float]  # quantity -> sigma, where no sigma was stated
     priors: dict[str, Prior]  # of every sampled parameter
     saturated: int  # rows of which only a bound is known, because the detector was
+    shared: Shared | None = None
 
     @property
     def p_value(self) -> float | None:

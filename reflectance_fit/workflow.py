@@ -24,6 +24,7 @@ from reflectance_fit.files import check_writable, write_together, write_whole
 from reflectance_fit.inference.ladder import METHODS, Method
 from reflectance_fit.inference.predict import predictor
 from reflectance_fit.inference.run import MODELS, fit_channel
+from reflectance_fit.inference.shared import share_dispersion
 from reflectance_fit.inputs import sha256_of
 from reflectance_fit.measured import Measurement, Note
 from reflectance_fit.measurement.manifest import Manifest
@@ -105,7 +106,8 @@ def fit(
         What to fit, or the path of a measurement.yaml, capture.yaml or OBS.nc.
     model : {"auto", "dielectric", "conductor", "fixed_k", "fixed_eta"}
         auto takes dielectric or conductor, whichever has the lower BIC, or
-        what the input's priors leave; fixed_k and fixed_eta need the value there.
+        what the input's priors leave, and puts dielectric channels on one
+        dispersion curve where BIC prefers that; fixed_k and fixed_eta need the value there.
     posterior : {"emcee", "importance", "laplace"}, optional
         The rung of the posterior ladder: emcee unless there are more than 16
         channels, then importance sampling.  Where importance sampling finds
@@ -157,6 +159,16 @@ def fit(
     if not fits:
         message = "every row is saturated; expose less, or correct the saturation level"
         raise ReflectanceFitError(Problem(str(measurement.path), None, message))
+    if model == "auto":
+        fits = share_dispersion(
+            fits,
+            measurement.observations,
+            exterior_ior=measurement.exterior_ior,
+            priors=measurement.priors,
+            method=method,
+            seed=(seed, index + 1),
+            progress=progress,
+        )
     seconds = {"ingest": ingested - started, "fit": time.perf_counter() - ingested}
     report = build_report(
         fits,

@@ -15,8 +15,9 @@ from reflectance_fit.priors import NUISANCES
 
 FloatArray = NDArray[np.float64]
 
-# A full parameter vector: eta, k, the nuisances in this order, then log(sigma) of each estimated sigma.
-ETA, K, FIRST_NUISANCE = 0, 1, 2
+# A full parameter vector: eta, k, Cauchy's slope d eta / d(1 / wavelength^2) in um^2, the nuisances in this
+# order, then log(sigma) of each estimated sigma.
+ETA, K, SLOPE, FIRST_NUISANCE = 0, 1, 2, 3
 FIRST_SIGMA = FIRST_NUISANCE + len(NUISANCES)
 _OFFSET, _DARK, _DIFFUSE, _DOLP, _AZIMUTH, _ANALYZER, _DIATTENUATION = range(FIRST_NUISANCE, FIRST_SIGMA)
 
@@ -51,7 +52,10 @@ def turns_of(p: FloatArray) -> Turns:
 
 @inlined
 def _at_one_angle(rows: Rows, i: int, c: float, s: float, p: FloatArray, turns: Turns) -> float:
-    reflection = interface(c, s, p[ETA] / rows.exterior_ior, p[K] / rows.exterior_ior)
+    eta = p[ETA] + p[SLOPE] * rows.dispersion[i]
+    if not eta > 0:
+        return math.nan
+    reflection = interface(c, s, eta / rows.exterior_ior, p[K] / rows.exterior_ior)
     r_s, r_p, cross_re, cross_im = reflection
     code = rows.code[i]
     if code == _REFLECTANCE_S:
@@ -132,5 +136,5 @@ def predict_vectors(rows: Rows, vectors: FloatArray, gains: FloatArray) -> Float
 
 
 def neutral_vector(estimated: int = 0) -> FloatArray:
-    """A full parameter vector whose nuisances change nothing; eta 1.5, k 0, sigmas 1."""
-    return np.array([1.5, 0.0, *(n.neutral for n in NUISANCES.values()), *([0.0] * estimated)])
+    """A full parameter vector whose nuisances change nothing; eta 1.5, k 0, no dispersion, sigmas 1."""
+    return np.array([1.5, 0.0, 0.0, *(n.neutral for n in NUISANCES.values()), *([0.0] * estimated)])

@@ -29,7 +29,8 @@ class Rows(NamedTuple):
     stated; else the index of its gain, or of its estimated sigma.  ``setting``
     numbers the goniometer settings: rows of one setting share one angle error.
     ``largest`` is the largest value among the rows of equal gain (the unit of
-    the diffuse part).  ``censored`` rows are saturated: all that is known is
+    the diffuse part).  ``dispersion`` is 1 / wavelength^2 in um^-2, less its mean
+    over the wavelengths: 0 where there is one.  ``censored`` rows are saturated: all that is known is
     that the truth is at least their value.
     """
 
@@ -49,6 +50,7 @@ class Rows(NamedTuple):
     estimated: IntArray
     setting: IntArray
     largest: FloatArray
+    dispersion: FloatArray
     censored: NDArray[np.bool_]
     exterior_ior: float
     gains: int
@@ -102,6 +104,8 @@ def pack(observations: Observations, exterior_ior: float) -> Rows:
         members = power & (gain == g)
         largest[members] = np.max(np.abs(o.value[members & ~censored]))
     cos_theta, sin_theta = cos_sin_deg(o.theta_deg)
+    wavelengths, which = np.unique(o.wavelength_nm, return_inverse=True)  # a plan's one may be unknown
+    inverse_square = (1000.0 / wavelengths) ** 2 if len(wavelengths) > 1 else np.zeros(1)
     # signal_s and signal_p are signals behind an analyzer along s and p.
     analyzer_deg = np.select(
         [code == CODES[Quantity.SIGNAL_S], code == CODES[Quantity.SIGNAL_P]], [0.0, 90.0], o.analyzer_deg
@@ -123,6 +127,7 @@ def pack(observations: Observations, exterior_ior: float) -> Rows:
         estimated=np.array(sigma_index, dtype=np.int64),
         setting=setting.astype(np.int64),
         largest=largest,
+        dispersion=(inverse_square - inverse_square.mean())[which],
         censored=censored,
         exterior_ior=exterior_ior,
         gains=len(gains),

@@ -8,12 +8,15 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reflectance_fit.measured import Note
 from reflectance_fit.report import literature, schema
 from reflectance_fit.report.approximations import schlick_errors
 from reflectance_fit.report.numbers import short
-from reflectance_fit.result import Fit, Interval
+from reflectance_fit.result import Fit, Interval, Shared
+
+FloatArray = NDArray[np.float64]
 
 PACKAGES = ("numpy", "scipy", "numba", "nlopt", "emcee", "arviz-stats")
 _WRONG_MODEL_P = 0.001
@@ -43,7 +46,8 @@ def build_report(
     ]
     for index, fit in enumerate(fits):
         table, disagreement = literature.compare(sample_name, fit)
-        channels.append(_channel(fit, index, table, timed=seconds is not None))
+        # Channels that share one fit are all channels there are.
+        channels.append(_channel(fit, 0 if fit.shared else index, table, timed=seconds is not None))
         warnings += [
             schema.Warning(code=code, channel=fit.channel, message=message)  # type: ignore[arg-type]
             for code, message in [
@@ -54,7 +58,7 @@ def build_report(
     return schema.Report(
         sample=schema.Sample(name=sample_name),
         exterior_ior=exterior_ior,
-        fits=[_fit(fit) for fit in fits],
+        fits=[_fit(fit) for fit in (fits[:1] if fits[0].shared else fits)],
         channels=channels,
         priors=_priors(fits),
         effort=schema.Effort(
@@ -123,7 +127,7 @@ def _fit(fit: Fit) -> schema.FitReport:
     sampled = [name for name in posterior.names if name not in ("eta", "k") and not name.startswith("sigma[")]
     reduced = optimum.reduced_chi2
     return schema.FitReport(
-        channels=[fit.channel],
+        channels=list(fit.shared.channels) if fit.shared else [fit.channel],
         model=schema.ModelChoice(
             name=optimum.model,
             chosen_because=fit.chosen_because,
@@ -133,6 +137,7 @@ def _fit(fit: Fit) -> schema.FitReport:
                 )
                 for c in fit.candidates
             ],
+            dispersion=_dispersion(fit.shared) if fit.shared else None,
         ),
         fit=schema.FitQuality(
             optimizer=optimum.optimizer,
@@ -140,14 +145,11 @@ def _fit(fit: Fit) -> schema.FitReport:
             dof=optimum.dof,
             reduced_chi2=None if reduced is None else short(reduced),
             p_value=None if (p := fit.p_value) is None else short(p, 3),
-            nuisances={
-                name: schema.Nuisance(
-                    median=short(float(np.median(posterior.samples[name]))),
-                    sd=short(float(posterior.samples[name].std())),
-                )
-                for name in sampled
+            nuisances={name: _nuisance(posterior.samples[name]) for name in sampled},
+            gains={
+                name: short(value)
+                for name, value in (fit.shared.gains if fit.shared else optimum.gains).items()
             },
-            gains={name: short(value) for name, value in optimum.gains.items()},
             estimated_sigma={name: short(value) for name, value in fit.estimated_sigma.items()},
             nan_evaluations=optimum.nan_count,
         ),
@@ -164,6 +166,14 @@ def _fit(fit: Fit) -> schema.FitReport:
             pareto_k=None if posterior.pareto_k is None else short(posterior.pareto_k, 3),
         ),
     )
+
+
+def _nuisance(draws: FloatArray) -> schema.Nuisance:
+    return schema.Nuisance(median=short(float(np.median(draws))), sd=short(float(draws.std())))
+
+
+def _dispersion(shared: Shared) -> schema.Dispersion:
+    return schema.Dispersion(cauchy_a=_nuisance(shared.cauchy_a), cauchy_b_um2=_nuisance(shared.cauchy_b_um2))
 
 
 def _warnings(fit: Fit) -> list[tuple[str, str]]:

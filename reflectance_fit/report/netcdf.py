@@ -16,7 +16,7 @@ from reflectance_fit.result import Fit
 
 FloatArray = NDArray[np.float64]
 
-UNITS = {"eta": "1", "k": "1", "r0": "1", "diffuse": "1", "source_dolp": "1", "diattenuation": "1"}
+UNITS = {"cauchy_b_um2": "um2"}  # angles are in degrees, the rest has none
 
 MAX_DRAWS = 50_000_000  # a file may claim any number without holding one
 
@@ -102,6 +102,8 @@ def _index(path: Path) -> tuple[list[str], FloatArray, FloatArray]:
 def _draws(fit: Fit) -> dict[str, FloatArray]:
     """Everything a fit drew; ``k_conductor`` are the draws behind the upper limit of k where k = 0 was chosen."""
     draws = {**fit.posterior.samples, **fit.derived}
+    if fit.shared is not None:
+        draws["cauchy_b_um2"] = fit.shared.cauchy_b_um2
     if fit.k_posterior is not None:
         pick = _even(len(fit.k_posterior.ensemble), len(fit.posterior.ensemble))
         draws["k_conductor"] = fit.k_posterior.samples["k"][pick]

@@ -42,15 +42,23 @@ class Candidate(_Part):
     bic: float
 
 
+class Nuisance(_Part):
+    median: float
+    sd: float
+
+
+class Dispersion(_Part):
+    """eta = cauchy_a + cauchy_b_um2 / wavelength^2, the wavelength in um, for all channels of the fit."""
+
+    cauchy_a: Nuisance
+    cauchy_b_um2: Nuisance
+
+
 class ModelChoice(_Part):
     name: str
     chosen_because: str
     candidates: list[Candidate]
-
-
-class Nuisance(_Part):
-    median: float
-    sd: float
+    dispersion: Dispersion | None = Field(None, description="absent where every channel has its own eta")
 
 
 class FitQuality(_Part):

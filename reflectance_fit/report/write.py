@@ -28,6 +28,9 @@ def report_yaml(report: Report) -> str:
                 del value["modes"]
         if channel["schlick"] is not None:
             channel["schlick"] = _without_absent(channel["schlick"])
+    for fit in data["fits"]:
+        if fit["model"]["dispersion"] is None:
+            del fit["model"]["dispersion"]
     if data["sample"]["note"] is None:
         del data["sample"]["note"]
     if data["effort"]["seconds"] is None:

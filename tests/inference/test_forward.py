@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from reflectance_fit.inference.forward import neutral_vector, predict_vectors
+from reflectance_fit.inference.forward import FIRST_NUISANCE, neutral_vector, predict_vectors
 from reflectance_fit.inference.rows import gain_names, pack
 from reflectance_fit.observations import Quantity, concatenate
 from reflectance_fit.physics import mueller, stokes
@@ -98,7 +98,7 @@ def test_nuisances_do_what_the_contract_says(rows_of):
         vector = neutral_vector()
         vector[:2] = 1.5, 0.0
         for name, value in nuisances.items():
-            vector[2 + NUISANCES[name].index] = value
+            vector[FIRST_NUISANCE + NUISANCES[name].index] = value
         return predict_vectors(rows, vector[None], np.array([100.0]))[0]
 
     plain = predicted()

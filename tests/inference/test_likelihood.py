@@ -9,17 +9,25 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
-from reflectance_fit.inference.forward import neutral_vector, predict_vectors
+from reflectance_fit.inference.forward import (
+    ETA,
+    FIRST_NUISANCE,
+    FIRST_SIGMA,
+    K,
+    neutral_vector,
+    predict_vectors,
+)
 from reflectance_fit.inference.likelihood import deviances, evaluate, log_likelihoods
 from reflectance_fit.inference.rows import fitted, pack
 from reflectance_fit.observations import concatenate
 from reflectance_fit.physics.fresnel import reflectances
+from reflectance_fit.priors import NUISANCES
 
 
 def vector(eta, k=0.0, offset=0.0, sigmas=()):
     p = neutral_vector(len(sigmas))
-    p[:3] = eta, k, offset
-    p[9:] = np.log(sigmas)
+    p[[ETA, K, FIRST_NUISANCE + NUISANCES["angle_offset_deg"].index]] = eta, k, offset
+    p[FIRST_SIGMA:] = np.log(sigmas)
     return p
 
 
