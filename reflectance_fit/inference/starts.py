@@ -16,7 +16,7 @@ from reflectance_fit.physics.inversion import eta_from_r0, index_from_rho
 
 FloatArray = NDArray[np.float64]
 
-_ETA_POINTS, _K_POINTS, _LINE_POINTS = 14, 9, 40
+_ETA_POINTS, _K_POINTS, _LINE_POINTS = 14, 10, 40
 _MOST_ROWS = 6  # of a kind that give a start each
 _NORMAL = math.cos(math.radians(25))  # within it every reflectance of a dielectric is R0 to a percent or so
 
@@ -32,7 +32,7 @@ def grid(model: Model) -> tuple[FloatArray, tuple[int, ...]]:
         low, high = model.ranges[j]
         is_k = model.places[j] == K
         points = (_K_POINTS if is_k else _ETA_POINTS) if len(free) == 2 else _LINE_POINTS
-        spacing = np.linspace(0, 1, points) ** (2 if is_k else 1)
+        spacing = np.linspace(0, 1, points) ** (3 if is_k else 1)
         axes.append(low + (high - low) * spacing)
     mesh = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     return _points(model, mesh.reshape(-1, len(free)), free), mesh.shape[:-1]
