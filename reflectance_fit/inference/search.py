@@ -1,24 +1,33 @@
-"""From a model to its optimum: objective, starts, polish, and what the optimum says of the data."""
+"""From a model to its optimum: starts, Gauss-Newton, what nlopt adds, and what the optimum says of the data.
+
+Cheap rungs first.  A grid, a line of dielectrics and closed forms give starts; compiled Gauss-Newton takes the
+lowest to their minima.  nlopt has the last word where Gauss-Newton's sum of squares is not the whole objective or
+its steps did not come to rest, and searches the whole range where no basin has converged.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.inference import optimize
-from reflectance_fit.inference.forward import ETA, FIRST_SIGMA, K, predict_vectors
+from reflectance_fit.inference import optimize, starts
+from reflectance_fit.inference.forward import ETA, K, predict_vectors
+from reflectance_fit.inference.gauss_newton import curvature_at, descend
 from reflectance_fit.inference.likelihood import deviances, evaluate
 from reflectance_fit.inference.models import Model
+from reflectance_fit.inference.normal_equations import Problem, objective, objectives, problem_of
 from reflectance_fit.inference.rows import CODES, Rows
 from reflectance_fit.observations import Quantity
 from reflectance_fit.result import Optimum
 
 FloatArray = NDArray[np.float64]
 
-_ETA_POINTS, _K_POINTS = 40, 25
+_STARTS, _CLOSED = 5, 2
+# Basins whose objectives differ by less than this and that lie within as many standard deviations are one.
+_SAME = 1e-3
 
 
 def find(model: Model, rows: Rows, gains: list[str]) -> tuple[Optimum, list[optimize.Basin]]:
@@ -28,55 +37,93 @@ def find(model: Model, rows: Rows, gains: list[str]) -> tuple[Optimum, list[opti
     normal priors.  Its optimum is where the reported chi2 is taken; flat
     priors do not move it.
     """
-    ranges = model.ranges
-
-    def objectives(x: FloatArray) -> FloatArray:
-        x = np.atleast_2d(x)
-        return np.asarray(deviances(rows, model.full(x)) + _penalties(model, x).sum(axis=1))
-
-    def objective(x: FloatArray) -> float:
-        return float(objectives(x)[0])
-
-    step = np.array([_first_step(model, j) for j in range(len(model.names))])
-    basins = []
-    for start in _starts(model, objectives):
-        basin = optimize.local(objective, start, ranges, step)
-        if math.isfinite(basin.objective):
-            # Once more from where it stopped: the first call's trust region may have shrunk too early.
-            again = optimize.local(objective, basin.x, ranges, 0.1 * step)
-            best = min(basin, again, key=lambda b: b.objective)
-            best = optimize.Basin(best.x, best.objective, basin.nan_count + again.nan_count)
-            basins.append(_polished(model, rows, objective, best))
-    basins.sort(key=lambda b: b.objective)
+    problem = problem_of(model, rows)
+    points, nan_count = _starts(model, rows, problem)
+    ran = ["grid, closed forms, Gauss-Newton"]
+    basins = _distinct(rows, problem, [_descended(rows, problem, x) for x in points])
+    if basins and not (problem.exact and basins[0].converged):
+        basins[0] = _last_word(rows, problem, basins[0])
+        ran.append("nlopt LN_BOBYQA" if len(model.names) > 1 else "nlopt LN_SBPLX")
+    if not any(basin.converged for basin in basins):
+        centre = basins[0].x if basins else problem.low + 0.5 * (problem.high - problem.low)
+        wide = optimize.minimise(
+            _scalar(rows, problem), centre, model.ranges, 0.1 * (problem.high - problem.low), "direct"
+        )
+        if math.isfinite(wide.objective):
+            basins.append(_descended(rows, problem, wide.x, wide))
+        ran.append("nlopt GN_DIRECT_L")
+    basins = [b for b in basins if math.isfinite(b.objective)]
     if not basins:
         raise ValueError(f"no finite likelihood anywhere for the model {model.name}")
-    return _describe(model, rows, gains, basins[0]), basins
+    basins = [
+        replace(b, curvature=curvature_at(rows, problem, b.x))
+        for b in sorted(basins, key=lambda b: b.objective)
+    ]
+    basins[0] = replace(basins[0], nan_count=nan_count + sum(b.nan_count for b in basins))
+    return _describe(model, rows, gains, basins[0], ", ".join(ran)), basins
 
 
-def _penalties(model: Model, x: FloatArray) -> FloatArray:
-    columns = [((x[:, j] - model.priors[j].mean) / model.priors[j].sigma) ** 2 for j in model.penalised]
-    return np.stack(columns, axis=1) if columns else np.zeros((len(x), 0))
+def _starts(model: Model, rows: Rows, problem: Problem) -> tuple[list[FloatArray], int]:
+    """The lowest local minima of grid and line and the best closed forms; and how many points were NaN."""
+    # Errors of the angles and censored rows matter little for where the basins are, and cost a lot.
+    coarse = rows._replace(theta_sigma=np.zeros_like(rows.theta_sigma), errors_in_angle=False)
+    points, shape = starts.grid(model)
+    values = objectives(coarse, problem, points)
+    chosen = [np.ravel_multi_index(i, shape) for i in optimize.grid_minima(values.reshape(shape))]
+    candidates = [(values[i], points[i]) for i in chosen]
+    nan_count = int(np.isinf(values).sum())
+    if ETA in model.places:
+        line = starts.line(model, rows)
+        values = objectives(coarse, problem, line)
+        candidates += [(values[i], line[i]) for (i,) in optimize.grid_minima(values)]
+        nan_count += int(np.isinf(values).sum())
+    closed = starts.closed_forms(model, rows)
+    values = objectives(coarse, problem, closed)
+    candidates += [(values[i], closed[i]) for i in np.argsort(values)[:_CLOSED]]
+    finite = sorted((c for c in candidates if math.isfinite(c[0])), key=lambda c: c[0])
+    return [x for _, x in finite[:_STARTS]], nan_count
 
 
-def _first_step(model: Model, j: int) -> float:
-    prior = model.priors[j]
-    return prior.sigma if prior.kind == "normal" else {"eta": 0.1, "k": 0.3}.get(model.names[j], 0.5)
+def _descended(
+    rows: Rows, problem: Problem, start: FloatArray, seen: optimize.Basin | None = None
+) -> optimize.Basin:
+    x = start.copy()
+    value, converged, nan_count = descend(rows, problem, x)
+    found = optimize.Basin(x, value, nan_count, converged)
+    return found if seen is None else optimize.better(found, seen)
 
 
-def _starts(model: Model, objectives: Callable[[FloatArray], FloatArray]) -> list[FloatArray]:
-    """The local minima of a grid over (log eta, k) or whichever of them is free, nuisances neutral."""
-    free = [j for j, name in enumerate(model.names) if name in ("eta", "k")]
-    axes = []
-    for j in free:
-        low, high = model.ranges[j]
-        points = {"eta": _ETA_POINTS, "k": _K_POINTS}[model.names[j]] * (4 if len(free) == 1 else 1)
-        # Denser towards k = 0, where R depends on k^2 and weak absorbers live.
-        steps = np.linspace(0, 1, points) ** (2 if model.names[j] == "k" else 1)
-        axes.append(low + (high - low) * steps)
-    x = np.tile(np.array([prior.centre for prior in model.priors]), (*map(len, axes), 1))
-    x[..., free] = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    values = objectives(x.reshape(-1, x.shape[-1])).reshape(x.shape[:-1])
-    return [x[i] for i in optimize.grid_minima(values)]
+def _distinct(rows: Rows, problem: Problem, basins: list[optimize.Basin]) -> list[optimize.Basin]:
+    """Best first, those left out that are another's minimum over again."""
+    kept: list[optimize.Basin] = []
+    for basin in sorted(basins, key=lambda b: b.objective):
+        scale = 1e-6 * (problem.high - problem.low)
+        for other in kept:
+            if basin.objective - other.objective < _SAME:
+                stiff = np.maximum(np.diag(curvature_at(rows, problem, other.x)), 0.0)
+                near = np.abs(basin.x - other.x) <= np.maximum(scale, 0.1 / np.sqrt(stiff + 1e-300))
+                if near.all():
+                    break
+        else:
+            kept.append(basin)
+    return kept
+
+
+def _scalar(rows: Rows, problem: Problem) -> optimize.Objective:
+    whitened, gains = np.empty(len(rows.value)), np.empty(rows.gains)
+    return lambda x: objective(rows, problem, x, whitened, gains)
+
+
+def _last_word(rows: Rows, problem: Problem, basin: optimize.Basin) -> optimize.Basin:
+    """nlopt on the whole objective from where Gauss-Newton came to, in steps of a standard deviation."""
+    stiff = np.maximum(np.diag(curvature_at(rows, problem, basin.x)), 0.0)
+    width = problem.high - problem.low
+    step = np.clip(1 / np.sqrt(stiff + 1e-300), 1e-9 * width, 0.1 * width)
+    found = optimize.minimise(
+        _scalar(rows, problem), basin.x, np.stack([problem.low, problem.high], axis=1), step
+    )
+    best = optimize.better(basin, found)
+    return replace(best, converged=basin.converged or found.converged)
 
 
 def widths(model: Model, rows: Rows, basin: optimize.Basin) -> FloatArray:
@@ -98,37 +145,12 @@ def widths(model: Model, rows: Rows, basin: optimize.Basin) -> FloatArray:
     return width
 
 
-def _polished(
-    model: Model, rows: Rows, objective: Callable[[FloatArray], float], basin: optimize.Basin
-) -> optimize.Basin:
-    """Gauss-Newton in all coordinates but the estimated sigmas, which are no sum of squares."""
-    free = model.places < FIRST_SIGMA
-    whitened, spread, gains = np.empty(len(rows.value)), np.empty(len(rows.value)), np.empty(rows.gains)
-    stated = 2 * np.sum(np.log(rows.sigma[~rows.censored]))
-
-    def whole(part: FloatArray) -> FloatArray:
-        x = basin.x.copy()
-        x[free] = part
-        return x
-
-    def residuals(part: FloatArray) -> FloatArray:
-        x = whole(part)
-        vector = model.full(x)[0]
-        chi2, log_det, _ = evaluate(rows, vector, whitened, spread, gains)
-        if math.isnan(chi2):
-            return np.full(len(whitened) + 1 + len(model.penalised), np.nan)
-        free_sigma = (rows.estimated >= 0) & ~rows.censored
-        estimated = 2 * np.sum(vector[FIRST_SIGMA + rows.estimated[free_sigma]])
-        # What angle errors and censored rows add to log det S is never negative: a sum of squares of one term.
-        share = math.sqrt(max(log_det - stated - estimated, 0.0))
-        return np.concatenate([whitened, [share], np.sqrt(_penalties(model, x[None]))[0]])
-
-    part = optimize.Basin(basin.x[free], basin.objective, basin.nan_count)
-    best = optimize.polish(residuals, lambda x: objective(whole(x)), part, model.ranges[free])
-    return optimize.Basin(whole(best.x), best.objective, best.nan_count)
+def _penalties(model: Model, x: FloatArray) -> FloatArray:
+    columns = [((x[:, j] - model.priors[j].mean) / model.priors[j].sigma) ** 2 for j in model.penalised]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(x), 0))
 
 
-def _describe(model: Model, rows: Rows, gains: list[str], basin: optimize.Basin) -> Optimum:
+def _describe(model: Model, rows: Rows, gains: list[str], basin: optimize.Basin, optimizer: str) -> Optimum:
     used = ~rows.censored
     n = int(used.sum())
     vector = model.full(basin.x)[0]
@@ -154,6 +176,6 @@ def _describe(model: Model, rows: Rows, gains: list[str], basin: optimize.Basin)
         predicted=predicted[used],
         sigma=spread[used],
         residuals=(difference / spread)[used],
-        optimizer=optimize.OPTIMIZER,
+        optimizer=optimizer,
         nan_count=basin.nan_count,
     )

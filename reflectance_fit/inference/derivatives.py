@@ -1,0 +1,205 @@
+"""How each row's model value changes with eta, k and the nuisances: `forward` differentiated, compiled.
+
+With n = eta + ik, eps = n^2, w^2 = eps - s^2, w = u + iv, D = |c + w|^2 and E = |wc + s^2|^2,
+
+    r_s = (1 - eps) / (c + w)^2           rho = r_p / r_s = (s^2 - wc) / (s^2 + wc)
+    dr_s/dtheta = 2 s r_s / w             drho/dtheta = 2 s (eps (1 + c^2) - s^2) / (w (s^2 + wc)^2)
+    dr_s/dn     = -2 c n / (w (c + w)^2)  drho/dn     = -2 s^2 c n / (w (s^2 + wc)^2)
+
+and (s^2 - wc)(s^2 + wc) = s^2 - eps c^2, by which conj(r_s) dr_s and conj(rho) drho lose their complex
+denominators.  Everything a detector sees is made of R_s, R_p = R_s |rho|^2 and r_s conj(r_p) = R_s conj(rho).
+The compensated forms of `physics.gradients` are slower and right to the last digits; a Newton step needs a few.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reflectance_fit.inference.forward import ETA, FIRST_NUISANCE, K, Turns
+from reflectance_fit.inference.rows import CODES, Rows
+from reflectance_fit.observations import Quantity
+from reflectance_fit.physics.jit import inlined
+from reflectance_fit.physics.kernels import analyzer_signal, interface
+from reflectance_fit.priors import NUISANCES
+
+FloatArray = NDArray[np.float64]
+
+Four = tuple[float, float, float, float]
+
+_REFLECTANCE_S, _REFLECTANCE_P = CODES[Quantity.REFLECTANCE_S], CODES[Quantity.REFLECTANCE_P]
+_REFLECTANCE, _SIGNAL = CODES[Quantity.REFLECTANCE], CODES[Quantity.SIGNAL]
+_RATIO, _DOLP_VALUE, _PSI = CODES[Quantity.RATIO_PS], CODES[Quantity.DOLP], CODES[Quantity.PSI_DEG]
+_OFFSET, _DOLP, _AZIMUTH, _ANALYZER, _DIATTENUATION = (
+    FIRST_NUISANCE + NUISANCES[name].index
+    for name in (
+        "angle_offset_deg",
+        "source_dolp",
+        "source_azimuth_deg",
+        "analyzer_offset_deg",
+        "diattenuation",
+    )
+)
+
+_DEGREE = math.pi / 180
+# Stands for |w|^2 at the very critical angle of a transparent medium, where slopes are infinite.
+_TINY = 1e-30
+
+
+@inlined
+def interface_gradients(c: float, s: float, eta: float, k: float) -> tuple[Four, Four, Four, Four]:
+    """`interface` and its derivatives by the angle of incidence (radians), eta and k.
+
+    At k = 0 the derivative by k is the one towards k > 0.
+    """
+    r_s, r_p, cross_re, cross_im = interface(c, s, eta, k)
+    c2, s2 = c * c, s * s
+    epsilon_re, epsilon_im = (eta - k) * (eta + k), 2 * eta * k
+    a = epsilon_re - s2
+    h = math.sqrt(a * a + epsilon_im * epsilon_im)
+    larger = math.sqrt(0.5 * (h + abs(a)))
+    smaller = 0.5 * epsilon_im / larger if larger > 0 else 0.0
+    u, v = (larger, smaller) if a >= 0 else (smaller, larger)
+    h = max(h, _TINY)
+    d = max((c + u) ** 2 + v * v, _TINY)
+    sum_re, sum_im = s2 + u * c, v * c
+    e = sum_re * sum_re + sum_im * sum_im
+    # n / w, and what it multiplies.
+    n_re, n_im = (eta * u + k * v) / h, (k * u - eta * v) / h
+    matched_re = (1 - eta) * (1 + eta) + k * k
+    brewster_re, brewster_im = s2 - epsilon_re * c2, -epsilon_im * c2
+
+    # conj(r_s) dr_s/dn = -2 c (n / w) conj(1 - eps) / D^2
+    scale = -2 * c / (d * d)
+    s_re = scale * (n_re * matched_re - n_im * epsilon_im)
+    s_im = scale * (n_re * epsilon_im + n_im * matched_re)
+    s_theta, s_eta, s_k = 4 * s * r_s * u / h, 2 * s_re, -2 * s_im
+
+    # drho, of n and of theta, from 1 / (s^2 + wc)^2
+    square_re, square_im = (sum_re**2 - sum_im**2) / (e * e), -2 * sum_re * sum_im / (e * e)
+    scale = -2 * s2 * c
+    by_n_re = scale * (n_re * square_re - n_im * square_im)
+    by_n_im = scale * (n_re * square_im + n_im * square_re)
+    top_re, top_im = epsilon_re * (1 + c2) - s2, epsilon_im * (1 + c2)
+    # times 1 / w
+    top_re, top_im = 2 * s * (top_re * u + top_im * v) / h, 2 * s * (top_im * u - top_re * v) / h
+    by_theta_re = top_re * square_re - top_im * square_im
+    by_theta_im = top_re * square_im + top_im * square_re
+
+    # |rho|^2 by conj(rho) drho, whose complex denominators are gone
+    ratio = (brewster_re**2 + brewster_im**2) / (e * e)
+    ratio_eta = 2 * scale * (n_re * brewster_re + n_im * brewster_im) / (e * e)
+    ratio_k = -2 * scale * (n_im * brewster_re - n_re * brewster_im) / (e * e)
+    ratio_theta = 2 * (top_re * brewster_re + top_im * brewster_im) / (e * e)
+
+    # conj(rho)
+    rho_re, rho_im = (s2 * s2 - h * c2) / e, 2 * s2 * c * v / e
+    return (
+        (r_s, r_p, cross_re, cross_im),
+        (
+            s_theta,
+            s_theta * ratio + r_s * ratio_theta,
+            s_theta * rho_re + r_s * by_theta_re,
+            s_theta * rho_im - r_s * by_theta_im,
+        ),
+        (
+            s_eta,
+            s_eta * ratio + r_s * ratio_eta,
+            s_eta * rho_re + r_s * by_n_re,
+            s_eta * rho_im - r_s * by_n_im,
+        ),
+        (
+            s_k,
+            s_k * ratio + r_s * ratio_k,
+            s_k * rho_re - r_s * by_n_im,
+            s_k * rho_im - r_s * by_n_re,
+        ),
+    )
+
+
+@inlined
+def _slope(code: int, value: Four, change: Four) -> float:
+    """Derivative of a quantity that needs no light, given the derivative of the interface."""
+    r_s, r_p = value[0], value[1]
+    if code == _REFLECTANCE_S:
+        return change[0]
+    if code == _REFLECTANCE_P:
+        return change[1]
+    if code == _REFLECTANCE:
+        return 0.5 * (change[0] + change[1])
+    if code == _RATIO:
+        return (change[1] - r_p / r_s * change[0]) / r_s
+    turned = r_p * change[0] - r_s * change[1]
+    if code == _DOLP_VALUE:
+        return 2 * turned / (r_s + r_p) ** 2
+    if code == _PSI:
+        # At R_p = 0 psi is a modulus, with a corner and no slope.
+        product = r_s * r_p
+        return -turned / (2 * math.sqrt(product) * (r_s + r_p)) / _DEGREE if product > 0 else 0.0
+    modulus = value[2] ** 2 + value[3] ** 2
+    return (value[2] * change[3] - value[3] * change[2]) / modulus / _DEGREE if modulus > 0 else 0.0
+
+
+@inlined
+def _of_light(
+    rows: Rows, i: int, p: FloatArray, turns: Turns, jet: tuple[Four, Four, Four, Four], out: FloatArray
+) -> None:
+    """Add the derivatives of a row that has light and perhaps an analyzer; they are linear in nearly everything."""
+    share = 1.0 if rows.code[i] == _SIGNAL else 2.0
+    reflection, by_theta, by_eta, by_k = jet
+    s0, s1, s2, s3 = rows.light[i, 0], rows.light[i, 1], rows.light[i, 2], rows.light[i, 3]
+    unpolarized = s0 - math.sqrt(s1 * s1 + s2 * s2 + s3 * s3)
+    azimuth = 2 * math.radians(p[_AZIMUTH])
+    ahead, aside = unpolarized * math.cos(azimuth), unpolarized * math.sin(azimuth)
+    light = (s0, s1 + p[_DOLP] * ahead, s2 + p[_DOLP] * aside, s3)
+    cos_2phi, sin_2phi = rows.analyzer[i, 0], rows.analyzer[i, 1]
+    analyzer = (cos_2phi * turns[2] - sin_2phi * turns[3], sin_2phi * turns[2] + cos_2phi * turns[3])
+    across = (-analyzer[1], analyzer[0])
+    retarder = (rows.retarder[i, 0], rows.retarder[i, 1], rows.retarder[i, 2], rows.retarder[i, 3])
+    d = rows.diattenuation[i] * p[_DIATTENUATION]
+    out[_OFFSET] += share * analyzer_signal(by_theta, light, analyzer, retarder, d) * _DEGREE
+    out[ETA] += share * analyzer_signal(by_eta, light, analyzer, retarder, d) / rows.exterior_ior
+    out[K] += share * analyzer_signal(by_k, light, analyzer, retarder, d) / rows.exterior_ior
+    out[_DOLP] += share * analyzer_signal(reflection, (0.0, ahead, aside, 0.0), analyzer, retarder, d)
+    turn = share * 2 * _DEGREE
+    moved = (0.0, -p[_DOLP] * aside, p[_DOLP] * ahead, 0.0)
+    out[_AZIMUTH] += turn * analyzer_signal(reflection, moved, analyzer, retarder, d)
+    if not math.isnan(cos_2phi):
+        # What passes unpolarized is the signal without diattenuation.
+        half = analyzer_signal(reflection, light, across, retarder, 0.0)
+        out[_ANALYZER] += turn * (analyzer_signal(reflection, light, across, retarder, d) - half)
+        ideal = analyzer_signal(reflection, light, analyzer, retarder, 1.0)
+        out[_DIATTENUATION] += share * rows.diattenuation[i] * (ideal - half)
+
+
+@inlined
+def gradient_at_angle(
+    rows: Rows, i: int, c: float, s: float, p: FloatArray, turns: Turns, out: FloatArray
+) -> None:
+    """Fill ``out``, shape (FIRST_SIGMA,), with the derivatives of `at_angle` by each part of ``p``.
+
+    Per unit of the parameter, so per degree of the offsets; by the angle
+    offset is by the angle of incidence.  The background's (dark offset and
+    diffuse light) are 0: they are no part of `at_angle`.
+    """
+    out[:] = 0.0
+    a, b = rows.cos_spread[i], rows.sin_spread[i]
+    sides = 2 if b > 0 else 1
+    for side in range(sides):
+        cc, ss = c, s
+        if b > 0:
+            sign = 1.0 if side == 0 else -1.0
+            cc, ss = max(c * a + sign * s * b, 0.0), s * a - sign * c * b
+        jet = interface_gradients(cc, ss, p[ETA] / rows.exterior_ior, p[K] / rows.exterior_ior)
+        code = rows.code[i]
+        if code in (_REFLECTANCE_S, _REFLECTANCE_P, _REFLECTANCE) or code > _SIGNAL:
+            out[_OFFSET] += _slope(code, jet[0], jet[1]) * _DEGREE
+            out[ETA] += _slope(code, jet[0], jet[2]) / rows.exterior_ior
+            out[K] += _slope(code, jet[0], jet[3]) / rows.exterior_ior
+        else:
+            _of_light(rows, i, p, turns, jet, out)
+    if sides == 2:
+        for j in range(len(out)):
+            out[j] *= 0.5

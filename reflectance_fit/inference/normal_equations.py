@@ -1,0 +1,228 @@
+"""The objective of a fit and its normal equations, compiled: what a Newton step is made of.
+
+The objective is F(x) = chi2 + log det S + sum of ((x_j - mean_j) / sigma_j)^2, the deviance of `likelihood`
+and the penalties of normal priors.  In whitened residuals r and their derivatives D = dr/dx,
+
+    grad F / 2 = D^T r          Hess F / 2 ~ D^T S^-1 D - C^T N^-1 C,   C = A^T S^-1 D,  N = A^T S^-1 A
+
+with A the columns of the gains: eliminating them is variable projection in Kaufman's form (BIT 15 (1975) 49).
+S^-1 has a term of rank one for each goniometer setting whose angle has an error.
+
+The objective is even in k, but for phases, and its Newton steps in k never arrive at k = 0.  So k may be taken
+by its square; in total reflection and for phases k itself is the better coordinate.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reflectance_fit.inference.derivatives import gradient_at_angle
+from reflectance_fit.inference.forward import FIRST_NUISANCE, FIRST_SIGMA, K, at_angle, incidence, turns_of
+from reflectance_fit.inference.likelihood import _cholesky_solve, evaluate
+from reflectance_fit.inference.models import Model
+from reflectance_fit.inference.rows import LAST_POWER, Rows
+from reflectance_fit.physics.jit import kernel
+from reflectance_fit.priors import NUISANCES
+
+FloatArray = NDArray[np.float64]
+
+_OFFSET, _DARK, _DIFFUSE = (
+    FIRST_NUISANCE + NUISANCES[name].index for name in ("angle_offset_deg", "dark_offset", "diffuse")
+)
+# Below it slopes by k^2 are those of this k: at k = 0 itself they are 0 / 0.
+_SMALL_K = 1e-4
+
+
+class Problem(NamedTuple):
+    """A model as the kernels read it: P coordinates x and what they stand for.
+
+    ``places`` are their indices in the full vector of `forward`, whose other
+    parts ``template`` holds; ``logarithmic`` marks those that are logarithms
+    of it.  ``weight`` is 1 / sigma of a normal prior about ``mean``, else 0.
+    ``stated`` is log det of the stated sigmas, ``square`` the coordinate that
+    is k itself (-1: none), ``exact`` whether D^T r is the whole gradient.
+    """
+
+    template: FloatArray
+    places: NDArray[np.int64]
+    logarithmic: NDArray[np.bool_]
+    mean: FloatArray
+    weight: FloatArray
+    low: FloatArray
+    high: FloatArray
+    stated: float
+    square: int
+    exact: bool
+
+
+def problem_of(model: Model, rows: Rows) -> Problem:
+    """The kernels' view of ``model`` fitted to ``rows``."""
+    normal = [prior.kind == "normal" for prior in model.priors]
+    logarithmic = np.array([prior.kind == "log_uniform" for prior in model.priors])
+    known = (rows.estimated < 0) & ~rows.censored
+    plain_k = np.flatnonzero((model.places == K) & ~logarithmic)
+    low, high = np.ascontiguousarray(model.ranges.T)
+    return Problem(
+        template=model.template,
+        places=model.places,
+        logarithmic=logarithmic & (model.places < FIRST_SIGMA),
+        mean=np.array([prior.mean for prior in model.priors]),
+        weight=np.array([1 / p.sigma if n else 0.0 for p, n in zip(model.priors, normal, strict=True)]),
+        low=low,
+        high=high,
+        stated=float(2 * np.sum(np.log(rows.sigma[known]))),
+        square=int(plain_k[0]) if len(plain_k) else -1,
+        exact=not (rows.errors_in_angle or rows.censored.any()),
+    )
+
+
+@kernel
+def fill_vector(problem: Problem, x: FloatArray, p: FloatArray) -> None:
+    """The full vector of coordinates ``x``."""
+    p[:] = problem.template
+    for j in range(len(x)):
+        p[problem.places[j]] = math.exp(x[j]) if problem.logarithmic[j] else x[j]
+
+
+@kernel
+def objective(rows: Rows, problem: Problem, x: FloatArray, whitened: FloatArray, gains: FloatArray) -> float:
+    """F at ``x``, inf outside of the model's domain; fills the whitened residuals and the gains."""
+    p, spread = np.empty(len(problem.template)), np.empty(len(whitened))
+    fill_vector(problem, x, p)
+    chi2, log_det, _ = evaluate(rows, p, whitened, spread, gains)
+    value = chi2 + log_det - problem.stated
+    for j in range(len(x)):
+        value += ((x[j] - problem.mean[j]) * problem.weight[j]) ** 2
+    return value if math.isfinite(value) else math.inf
+
+
+@kernel
+def objectives(rows: Rows, problem: Problem, points: FloatArray) -> FloatArray:
+    """F at each of D points, shape (D, P); the sigmas to be estimated are first set to what the residuals say."""
+    n = len(rows.value)
+    whitened, gains = np.empty(n), np.empty(rows.gains)
+    values = np.empty(len(points))
+    sums, counts = np.empty(points.shape[1]), np.empty(points.shape[1])
+    first = len(sums)
+    for j in range(len(sums) - 1, -1, -1):
+        if problem.places[j] >= FIRST_SIGMA:
+            first = j
+    for d in range(len(points)):
+        # Each by its closed form; gains and residuals change with the sigmas' ratios, hence twice.
+        for turn in range(3 if first < len(sums) else 1):
+            values[d] = objective(rows, problem, points[d], whitened, gains)
+            if turn == 2 or first == len(sums) or not math.isfinite(values[d]):
+                break
+            sums[:], counts[:] = 0.0, 0.0
+            for i in range(n):
+                if rows.estimated[i] >= 0 and not rows.censored[i]:
+                    sums[first + rows.estimated[i]] += whitened[i] ** 2
+                    counts[first + rows.estimated[i]] += 1
+            for j in range(first, len(sums)):
+                if sums[j] > 0:
+                    moved = points[d, j] + 0.5 * math.log(sums[j] / counts[j])
+                    points[d, j] = min(max(moved, problem.low[j]), problem.high[j])
+    return values
+
+
+@kernel
+def normal_equations(
+    rows: Rows,
+    problem: Problem,
+    x: FloatArray,
+    squared: bool,
+    whitened: FloatArray,
+    gains: FloatArray,
+    gradient: FloatArray,
+    curvature: FloatArray,
+) -> None:
+    """Half of F's gradient and of its Hessian (Gauss-Newton) at ``x``.
+
+    ``whitened`` and ``gains`` are what `objective` left there.  With
+    ``squared``, k is taken by its square.  Where the problem is not exact the
+    gradient lacks what log det S and the angles' errors add.
+    """
+    size = len(x)
+    p = np.empty(len(problem.template))
+    fill_vector(problem, x, p)
+    rate = np.ones(size)  # dp / dx
+    for j in range(size):
+        if problem.logarithmic[j]:
+            rate[j] = p[problem.places[j]]
+        if squared and j == problem.square:
+            p[K] = max(p[K], _SMALL_K)
+            rate[j] = 0.5 / p[K]
+    turns = turns_of(p)
+    gradient[:], curvature[:] = 0.0, 0.0
+    by_p, row = np.empty(FIRST_SIGMA), np.empty(size)
+    normal = np.zeros((rows.gains, rows.gains))
+    mixed = np.zeros((rows.gains, size))
+    pull, coupling = np.zeros((rows.settings, size)), np.zeros((rows.settings, rows.gains))
+    steepness, error = np.zeros(rows.settings), np.zeros(rows.settings)
+    for i in range(len(whitened)):
+        if rows.censored[i]:
+            continue
+        c, s = incidence(rows, i, turns)
+        c = max(c, 0.0)
+        gradient_at_angle(rows, i, c, s, p, turns, by_p)
+        g = rows.gain[i]
+        gain = gains[g] if g >= 0 else 1.0
+        e = rows.estimated[i]
+        sigma = rows.sigma[i] if e < 0 else math.exp(p[FIRST_SIGMA + e])
+        slope = gain * math.degrees(by_p[_OFFSET]) / sigma
+        if rows.code[i] <= LAST_POWER:
+            by_p[_DARK], by_p[_DIFFUSE] = 1 / gain, rows.largest[i] / gain
+        for j in range(size):
+            place = problem.places[j]
+            if place < FIRST_SIGMA:
+                row[j] = -gain * by_p[place] * rate[j] / sigma
+                gradient[j] += row[j] * whitened[i]
+            elif place == FIRST_SIGMA + e:
+                # d^2/dx^2 of e^(-2x) r^2 + 2x is 4 r^2 where it is 0 on average, not the 2 r^2 of a sum of squares.
+                row[j] = -math.sqrt(2.0) * whitened[i]
+                gradient[j] += 1 - whitened[i] ** 2
+            else:
+                row[j] = 0.0
+            for m in range(j + 1):
+                curvature[j, m] += row[j] * row[m]
+        column = at_angle(rows, i, c, s, p, turns) / sigma if g >= 0 else 0.0
+        if g >= 0:
+            normal[g, g] += column * column
+            for j in range(size):
+                mixed[g, j] += column * row[j]
+        if rows.theta_sigma[i] > 0:
+            a = rows.setting[i]
+            error[a] = rows.theta_sigma[i] ** 2
+            steepness[a] += slope * slope
+            pull[a] += slope * row
+            if g >= 0:
+                coupling[a, g] += slope * column
+    if rows.errors_in_angle:
+        for a in range(rows.settings):
+            share = error[a] / (1 + error[a] * steepness[a])
+            for j in range(size):
+                for m in range(j + 1):
+                    curvature[j, m] -= share * pull[a, j] * pull[a, m]
+            for g in range(rows.gains):
+                mixed[g] -= share * coupling[a, g] * pull[a]
+                normal[g] -= share * coupling[a, g] * coupling[a]
+        solved = np.empty_like(mixed)
+        for j in range(size):
+            solved[:, j] = mixed[:, j]
+            _cholesky_solve(normal.copy(), solved[:, j])
+    else:
+        solved = mixed.copy()
+        for g in range(rows.gains):
+            solved[g] /= normal[g, g]
+    for j in range(size):
+        for m in range(j + 1):
+            for g in range(rows.gains):
+                curvature[j, m] -= mixed[g, j] * solved[g, m]
+            curvature[m, j] = curvature[j, m]
+        scaled = problem.weight[j] * (rate[j] if squared and j == problem.square else 1.0)
+        curvature[j, j] += scaled * scaled
+        gradient[j] += (x[j] - problem.mean[j]) * problem.weight[j] * scaled

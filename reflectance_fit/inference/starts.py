@@ -1,0 +1,153 @@
+"""Where a search begins: a grid over eta and k, a line at k = 0, and what single rows give in closed form."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reflectance_fit.inference.forward import ETA, K
+from reflectance_fit.inference.models import Model
+from reflectance_fit.inference.rows import CODES, Rows
+from reflectance_fit.observations import Quantity
+from reflectance_fit.physics.ellipsometry import rho_from_psi_delta
+from reflectance_fit.physics.inversion import eta_from_r0, index_from_rho
+
+FloatArray = NDArray[np.float64]
+
+_ETA_POINTS, _K_POINTS, _LINE_POINTS = 14, 10, 40
+_MOST_ROWS = 6  # of a kind that give a start each
+_NORMAL = math.cos(math.radians(25))  # within it every reflectance of a dielectric is R0 to a percent or so
+
+
+def grid(model: Model) -> tuple[FloatArray, tuple[int, ...]]:
+    """Points over log eta and k, or whichever of them is free, nuisances at their centres: (D, P), and the grid's shape.
+
+    Denser towards k = 0, where the reflectances depend on k^2 and weak absorbers live.
+    """
+    axes = []
+    free = [j for j, place in enumerate(model.places) if place in (ETA, K)]
+    for j in free:
+        low, high = model.ranges[j]
+        is_k = model.places[j] == K
+        points = (_K_POINTS if is_k else _ETA_POINTS) if len(free) == 2 else _LINE_POINTS
+        spacing = np.linspace(0, 1, points) ** (3 if is_k else 1)
+        axes.append(low + (high - low) * spacing)
+    mesh = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    return _points(model, mesh.reshape(-1, len(free)), free), mesh.shape[:-1]
+
+
+def line(model: Model, rows: Rows) -> FloatArray:
+    """Dielectrics in order of eta, (D, P): evenly in log eta, and at and between the critical angles of the rows.
+
+    With eta < 1 every angle of the data is the critical angle of some eta, where the objective has a corner: it
+    has a minimum of its own between any two of them.
+    """
+    low, high = model.ranges[list(model.places).index(ETA)]
+    sines = rows.exterior_ior * np.unique(np.abs(rows.sin_theta))
+    sines = sines[sines > 0]
+    critical = np.concatenate([sines, 0.5 * (sines[1:] + sines[:-1])])
+    spaced = np.linspace(low, high, _LINE_POINTS)
+    eta = np.sort(
+        np.concatenate([spaced, model.priors[list(model.places).index(ETA)].to_coordinate(critical)])
+    )
+    eta = eta[(eta >= low) & (eta <= high)]
+    free = [j for j, place in enumerate(model.places) if place in (ETA, K)]
+    lowest = [model.ranges[j][0] for j in free]
+    return _points(model, np.where(model.places[free] == ETA, eta[:, None], lowest), free)
+
+
+def closed_forms(model: Model, rows: Rows) -> FloatArray:
+    """Points, shape (D, P), from rows that give the index alone or in pairs; D may be 0."""
+    found = [_ellipsometric(rows), _dielectric(rows), _brewster(rows), _normal_incidence(rows)]
+    index = rows.exterior_ior * np.concatenate(found)
+    index = index[np.isfinite(index).all(axis=1) & (index[:, 0] > 0)]
+    free = [j for j, place in enumerate(model.places) if place in (ETA, K)]
+    columns = [model.priors[j].to_coordinate(index[:, int(model.places[j] == K)]) for j in free]
+    return _points(model, np.stack(columns, axis=1), free)
+
+
+def _points(model: Model, values: FloatArray, free: list[int]) -> FloatArray:
+    points = np.tile(np.array([prior.centre for prior in model.priors]), (len(values), 1))
+    points[:, free] = values
+    return np.clip(points, *model.ranges.T)
+
+
+def _few(indices: NDArray[np.int64]) -> NDArray[np.int64]:
+    return indices[np.linspace(0, len(indices) - 1, min(len(indices), _MOST_ROWS)).astype(int)]
+
+
+def _rows_of(rows: Rows, quantity: Quantity) -> NDArray[np.int64]:
+    oblique = (rows.sin_theta > 1e-3) & (rows.cos_theta > 1e-3)
+    return np.flatnonzero((rows.code == CODES[quantity]) & ~rows.censored & oblique)
+
+
+def _pairs(rows: Rows, first: Quantity, second: Quantity) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows of two quantities at equal angles."""
+    there = {float(rows.cos_theta[i]): i for i in _rows_of(rows, second)}
+    pairs = [(i, there[c]) for i in _rows_of(rows, first) if (c := float(rows.cos_theta[i])) in there]
+    chosen = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    return (*_few(chosen).T,) if len(chosen) else (chosen[:, 0], chosen[:, 1])  # type: ignore[return-value]
+
+
+def _ellipsometric(rows: Rows) -> FloatArray:
+    """Psi and Delta at one angle give eta and k; Delta of the other sense, or noise, the sign of k only."""
+    psi, delta = _pairs(rows, Quantity.PSI_DEG, Quantity.DELTA_DEG)
+    rho = rho_from_psi_delta(np.radians(np.clip(rows.value[psi], 0.01, 89.99)), np.radians(rows.value[delta]))
+    theta = np.arctan2(rows.sin_theta[psi], rows.cos_theta[psi])
+    eta, k = index_from_rho(rho + (np.abs(rho + 1) < 1e-9) * 1e-9, theta)
+    return np.stack([eta, np.abs(k)], axis=1)
+
+
+def _dielectric(rows: Rows) -> FloatArray:
+    """k = 0: from R_p / R_s by tan(theta_i) tan(theta_t) = (1 - rho) / (1 + rho), either sign of rho; from R_s alone.
+
+    rho = r_p / r_s is real; negative below Brewster's angle.
+    """
+    s, p = _pairs(rows, Quantity.REFLECTANCE_S, Quantity.REFLECTANCE_P)
+    sources = [(s, rows.value[p] / np.where(rows.value[s] > 0, rows.value[s], np.nan))]
+    for quantity in (Quantity.RATIO_PS, Quantity.DOLP, Quantity.PSI_DEG):
+        i = _few(_rows_of(rows, quantity))
+        value = rows.value[i]
+        if quantity is Quantity.DOLP:
+            value = (1 - value) / np.maximum(1 + value, 1e-9)
+        elif quantity is Quantity.PSI_DEG:
+            value = np.tan(np.radians(value)) ** 2
+        sources.append((i, value))
+    found = []
+    for i, ratio in sources:
+        tangent = rows.sin_theta[i] / rows.cos_theta[i]
+        for rho in np.multiply.outer((1.0, -1.0), np.sqrt(np.clip(ratio, 0.0, 1.0 - 1e-12))):
+            product = (1 - rho) / (1 + rho) / tangent
+            found.append(rows.sin_theta[i] * np.sqrt(1 + 1 / product**2))
+    i = _few(_rows_of(rows, Quantity.REFLECTANCE_S))
+    for r in np.multiply.outer((1.0, -1.0), np.sqrt(np.clip(rows.value[i], 0.0, 1.0 - 1e-12))):
+        # r_s = (c - w) / (c + w), w^2 = eta^2 - s^2
+        found.append(np.hypot(rows.cos_theta[i] * (1 + r) / (1 - r), rows.sin_theta[i]))
+    return _transparent(np.concatenate(found))
+
+
+def _brewster(rows: Rows) -> FloatArray:
+    """The angle where p is least, taken for Brewster's."""
+    found = []
+    for quantity in (Quantity.REFLECTANCE_P, Quantity.SIGNAL_P, Quantity.RATIO_PS, Quantity.PSI_DEG):
+        i = _rows_of(rows, quantity)
+        if len(i) > 2:
+            least = i[np.argmin(rows.value[i])]
+            found.append(rows.sin_theta[least] / rows.cos_theta[least])
+    return _transparent(np.array(found))
+
+
+def _normal_incidence(rows: Rows) -> FloatArray:
+    """An absolute reflectance near the normal: both dielectrics with this R0."""
+    codes = [CODES[q] for q in (Quantity.REFLECTANCE, Quantity.REFLECTANCE_S, Quantity.REFLECTANCE_P)]
+    near = np.flatnonzero(np.isin(rows.code, codes) & (rows.cos_theta > _NORMAL) & ~rows.censored)
+    if len(near) == 0:
+        return np.empty((0, 2))
+    eta = eta_from_r0(np.clip(np.mean(rows.value[near]), 1e-6, 0.999))
+    return _transparent(np.array([eta, 1 / eta]))
+
+
+def _transparent(eta: FloatArray) -> FloatArray:
+    return np.stack([eta, np.zeros_like(eta)], axis=1)
