@@ -18,7 +18,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.inference.forward import ETA, FIRST_NUISANCE, K, Turns
+from reflectance_fit.inference.forward import ETA, FIRST_NUISANCE, SLOPE, K, Turns
 from reflectance_fit.inference.rows import CODES, Rows
 from reflectance_fit.observations import Quantity
 from reflectance_fit.physics.jit import inlined
@@ -187,12 +187,13 @@ def gradient_at_angle(
     out[:] = 0.0
     a, b = rows.cos_spread[i], rows.sin_spread[i]
     sides = 2 if b > 0 else 1
+    eta = p[ETA] + p[SLOPE] * rows.dispersion[i]
     for side in range(sides):
         cc, ss = c, s
         if b > 0:
             sign = 1.0 if side == 0 else -1.0
             cc, ss = max(c * a + sign * s * b, 0.0), s * a - sign * c * b
-        jet = interface_gradients(cc, ss, p[ETA] / rows.exterior_ior, p[K] / rows.exterior_ior)
+        jet = interface_gradients(cc, ss, eta / rows.exterior_ior, p[K] / rows.exterior_ior)
         code = rows.code[i]
         if code in (_REFLECTANCE_S, _REFLECTANCE_P, _REFLECTANCE) or code > _SIGNAL:
             out[_OFFSET] += _slope(code, jet[0], jet[1]) * _DEGREE
@@ -203,3 +204,4 @@ def gradient_at_angle(
     if sides == 2:
         for j in range(len(out)):
             out[j] *= 0.5
+    out[SLOPE] = out[ETA] * rows.dispersion[i]

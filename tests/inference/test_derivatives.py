@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 
 from reflectance_fit.inference.derivatives import gradient_at_angle, interface_gradients
 from reflectance_fit.inference.forward import (
+    FIRST_NUISANCE,
     FIRST_SIGMA,
+    SLOPE,
     incidence,
     neutral_vector,
     predict_vectors,
@@ -87,9 +89,14 @@ def test_every_row_changes_as_its_differences_say(rows_of, quantity, seed):
     light = (1.0, part * np.cos(azimuth), part * np.sin(azimuth), 0.2)
     row = rows_of(theta, quantity, 1.0, gain_group="g" if quantity.has_gain else "", light=light, **optics)
     spread = np.where(np.arange(6) % 2, 0.8, 0.0)
-    rows = pack(replace(row, theta_deg_spread=spread, diattenuation=np.full(6, 0.9)), 1.000277)
+    wavelength = np.where(np.arange(6) % 3, 450.0, 650.0)
+    rows = pack(
+        replace(row, theta_deg_spread=spread, wavelength_nm=wavelength, diattenuation=np.full(6, 0.9)),
+        1.000277,
+    )
     p = neutral_vector()
     p[:2] = np.exp(generator.uniform(np.log(1.1), np.log(4.0))), generator.uniform(0.05, 4.0)
+    p[SLOPE] = 0.01
     for name, value in {
         "angle_offset_deg": 0.4,
         "source_dolp": 0.1,
@@ -97,7 +104,7 @@ def test_every_row_changes_as_its_differences_say(rows_of, quantity, seed):
         "analyzer_offset_deg": 1.5,
         "diattenuation": 0.97,
     }.items():
-        p[2 + NUISANCES[name].index] = value
+        p[FIRST_NUISANCE + NUISANCES[name].index] = value
     found = gradients(rows, p)
     for j in range(FIRST_SIGMA):
 
@@ -106,7 +113,7 @@ def test_every_row_changes_as_its_differences_say(rows_of, quantity, seed):
             q[j] += step
             return predict_vectors(rows, q[None], np.ones(rows.gains))[0]
 
-        if j - 2 in (NUISANCES["dark_offset"].index, NUISANCES["diffuse"].index):
+        if j - FIRST_NUISANCE in (NUISANCES["dark_offset"].index, NUISANCES["diffuse"].index):
             assert not found[:, j].any()
             continue
         expected = differences(moved, 2e-3)
@@ -118,7 +125,7 @@ def test_at_normal_incidence_and_beyond_it_nothing_is_infinite(rows_of):
     """Symmetric about the normal: the derivative by the angle changes sign, the others do not."""
     p = neutral_vector()
     p[:2] = 0.7, 0.0
-    offset = 2 + NUISANCES["angle_offset_deg"].index
+    offset = FIRST_NUISANCE + NUISANCES["angle_offset_deg"].index
     rows = pack(rows_of([0.0, 10.0], "reflectance_p", 1.0), 1.0)
     here = gradients(rows, p)
     assert here[0, offset] == 0.0
