@@ -7,6 +7,7 @@ says whether they can be trusted; where they cannot, emcee can.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -20,18 +21,22 @@ FloatArray = NDArray[np.float64]
 
 MAX_PARETO_K = 0.7
 CHAINS = 4  # independent ones, so that later readers can compare them
-KEPT = 5000  # draws a chain, of equal weight
-_FIRST = 2048
-_ROUNDS = 3  # of adapting the proposal
+KEPT = 2.0  # draws of equal weight, times the effective size asked for
+_FIRST = 1.6  # draws of the first batch, times the effective size asked for
+_ROUNDS = 6  # of adapting the proposal
 _MOST = 400_000
+_TEMPERING = 0.7  # a power
+_DRAWS_A_DIMENSION = 8
+_ENOUGH = 0.3  # effective draws a draw: adapting further gains less than it costs
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Draws:
     """Coordinates of equal weight, shape (chain, draw, P), and how far to trust them.
 
-    ``ess`` is the effective number of independent draws; ``pareto_k`` the
-    tail index of the weights, None where there were none.
+    ``log_density`` has shape (chain, draw).  ``ess`` is the effective number of
+    independent draws; ``pareto_k`` the tail index of the weights, None where
+    there were none.
     """
 
     x: FloatArray
@@ -52,70 +57,109 @@ def importance(
     *,
     min_ess: float,
 ) -> Draws:
-    """Draws by importance sampling from ``components``, adapted to the posterior on the way.
+    """Draws by importance sampling from ``components``, adapted to the posterior where that is needed.
 
     Batches grow until ``min_ess`` is reached, or until _MOST draws: then
-    ``pareto_k`` or ``ess`` say so.
+    ``pareto_k`` or ``ess`` say so.  Only the last batch is used, whose proposal
+    does not depend on it.
     """
-    for _ in range(_ROUNDS):
-        points, _, weights, _ = _batch(log_density, components, _FIRST, generator)
-        components = proposal.adapted(components, points, weights, ranges)
-    count = 4 * _FIRST
+    kept = math.ceil(KEPT * min_ess / CHAINS)
+    count, rounds = math.ceil(_FIRST * min_ess / CHAINS) * CHAINS, 0
     while True:
-        parts = [_batch(log_density, components, count // CHAINS, generator) for _ in range(CHAINS)]
-        # An infinite k-hat stands for weights of which only one counts.
-        ess = sum(1 / float(np.sum(weights**2)) for _, _, weights, _ in parts)
-        pareto_k = max(k for *_, k in parts)
-        if ess >= min_ess or count >= _MOST:
+        batch = _batch(log_density, components, count, generator)
+        ess = batch.resampled_ess(kept)
+        if ess >= min_ess and batch.pareto_k <= MAX_PARETO_K:
             break
-        count = min(_MOST, int(count * max(2.0, 1.2 * min_ess / ess)))
-    equal = [_equal(part, KEPT, generator) for part in parts]
-    x, density = (np.stack(column) for column in zip(*equal, strict=True))
-    return Draws(x, density, min(ess, float(CHAINS * KEPT)), pareto_k)
+        poor = batch.pareto_k > MAX_PARETO_K or ess < _ENOUGH * count
+        if poor and rounds < _ROUNDS:
+            components = proposal.adapted(components, batch.x, _tempered(batch), ranges)
+            rounds += 1
+        elif count >= _MOST:
+            break
+        else:
+            count = min(_MOST, CHAINS * math.ceil(count * max(1.5, 1.2 * min_ess / ess) / CHAINS))
+    x, density = batch.equal(kept, generator)
+    return Draws(x, density, ess, batch.pareto_k)
 
 
 def laplace(
-    log_density: LogDensity, components: Sequence[Component], generator: np.random.Generator
+    log_density: LogDensity, components: Sequence[Component], generator: np.random.Generator, *, count: int
 ) -> Draws:
-    """Draws of the normal approximation around the best basin, folded at its bounds."""
+    """About ``count`` draws of the normal approximation around the best basin, folded at its bounds."""
     best = max(components, key=lambda c: c.share)
-    factor = best.factor.T
-    normal = generator.standard_normal((CHAINS * KEPT, len(best.centre))) @ factor
+    each = math.ceil(count / CHAINS)
+    normal = generator.standard_normal((CHAINS * each, len(best.centre))) @ best.factor.T
     x = best.fold(best.centre + normal)
     density = log_density(x)
     # Beyond the far end of a range, or outside of the model's domain, there is no probability.
-    x = x[np.isfinite(density)][generator.integers(int(np.isfinite(density).sum()), size=CHAINS * KEPT)]
-    shape = (CHAINS, KEPT)
-    return Draws(x.reshape(*shape, -1), log_density(x).reshape(shape), float(CHAINS * KEPT), None)
+    possible = np.flatnonzero(np.isfinite(density))
+    picks = possible[generator.integers(len(possible), size=CHAINS * each)] if len(possible) < len(x) else ...
+    shape = (CHAINS, each)
+    return Draws(x[picks].reshape(*shape, -1), density[picks].reshape(shape), float(CHAINS * each), None)
 
 
-_Batch = tuple[FloatArray, FloatArray, FloatArray, float]
+@dataclass(frozen=True, slots=True, eq=False)
+class _Batch:
+    """Points, shape (N, P), their log density, smoothed weights of sum 1, and k-hat."""
+
+    x: FloatArray
+    log_density: FloatArray
+    weights: FloatArray
+    pareto_k: float
+
+    @property
+    def by_chain(self) -> FloatArray:
+        """The weights, each chain's of sum 1, shape (CHAINS, N / CHAINS)."""
+        weights = self.weights.reshape(CHAINS, -1)
+        # A chain without any probability keeps its zeros.
+        return np.asarray(weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-300))
+
+    def resampled_ess(self, kept: int) -> float:
+        """Effective size of all chains, after ``kept`` draws of equal weight are taken of each.
+
+        Kish's, 1 / sum w^2, less what resampling adds to the variance: a draw
+        that is worth ``kept`` w draws is taken a whole number of times.
+        """
+        expected = kept * self.by_chain
+        rest = expected - np.floor(expected)
+        variance = np.sum(expected**2 + rest * (1 - rest), axis=1) / kept**2
+        return float(np.sum(1 / variance[variance > 0]))
+
+    def equal(self, count: int, generator: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+        """``count`` draws a chain by systematic resampling, in random order."""
+        weights = self.by_chain
+        picks = np.empty((CHAINS, count), dtype=np.int64)
+        for chain, w in enumerate(weights):
+            places = (np.arange(count) + generator.random()) / count
+            found = np.minimum(np.searchsorted(np.cumsum(w), places), len(w) - 1)
+            picks[chain] = chain * len(w) + generator.permutation(found)
+        return self.x[picks], self.log_density[picks]
+
+
+def _tempered(batch: _Batch) -> FloatArray:
+    """The weights to the highest power at which enough draws speak for a covariance matrix."""
+    weights = batch.weights
+    while 1 / np.sum(weights**2) < _DRAWS_A_DIMENSION * batch.x.shape[1]:
+        weights = weights**_TEMPERING
+        weights /= weights.sum()
+    return weights
 
 
 def _batch(
     log_density: LogDensity, components: Sequence[Component], count: int, generator: np.random.Generator
 ) -> _Batch:
-    """Points, their log density, normalised smoothed weights and k-hat."""
     from arviz_stats.base import array_stats
 
     x = proposal.draw(components, count, generator)
     density = log_density(x)
     ratio = density - np.logaddexp.reduce(proposal.log_pdf(components, x), axis=0)
-    if not np.isfinite(ratio).any():
+    possible = np.isfinite(ratio)
+    if not possible.any():
         raise ValueError("no draw of the proposal has a finite posterior")
     # Draws of no probability weigh nothing; the smoothing is of the others' tail.
-    possible = np.isfinite(ratio)
     log_weights = np.full(count, -np.inf)
     smoothed, k = array_stats.psislw(-ratio[possible])  # it is made for the weights of leaving one out
     log_weights[possible] = smoothed
     weights = np.exp(log_weights - log_weights.max())
-    return x, density, weights / weights.sum(), float(k)
-
-
-def _equal(part: _Batch, count: int, generator: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-    """``count`` draws of equal weight by systematic resampling, in random order."""
-    x, density, weights, _ = part
-    places = (np.arange(count) + generator.random()) / count
-    picks = np.minimum(np.searchsorted(np.cumsum(weights), places), len(x) - 1)
-    generator.shuffle(picks)
-    return x[picks], density[picks]
+    # An infinite k-hat stands for weights of which only one counts.
+    return _Batch(x, density, weights / weights.sum(), float(k))

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Sequence
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.inference import importance, posterior, proposal, search
+from reflectance_fit.inference import batch, importance, laplace, posterior, proposal, search
 from reflectance_fit.inference.models import Model
 from reflectance_fit.inference.optimize import Basin
 from reflectance_fit.inference.rows import Rows
+from reflectance_fit.inference.scores import Scores
+from reflectance_fit.inference.shear import Shear, shear_at
 from reflectance_fit.result import Posterior
 
 FloatArray = NDArray[np.float64]
@@ -22,6 +25,7 @@ METHODS: tuple[Method, ...] = get_args(Method)
 
 # Basins whose objective lies this far above the best hold less than 1e-5 of the probability.
 _RIVAL = 24.0
+_FAR = 3.0  # scores
 _PRIOR_POINTS, _BASIN_POINTS = 8192, 2000
 
 _log = logging.getLogger(__name__)
@@ -44,14 +48,22 @@ def draw(
     """
     rivals = [basin for basin in basins if basin.objective < basins[0].objective + _RIVAL]
     if method != "emcee":
-        log_density = posterior.log_posterior(model, rows)
-        components = _components(model, rows, log_density, rivals)
+        scores = Scores(model)
+        log_density = _log_density_of_scores(scores, rows)
+        components = _components(scores, log_density, rivals)
+        shear = shear_at(scores, log_density, max(components, key=lambda c: c.share))
+        components = [shear.carried(c) for c in components]
+
+        def sheared(y: FloatArray) -> FloatArray:
+            return log_density(shear.plain(y))
+
         generator = np.random.default_rng(seed)
         if method == "laplace":
-            return _posterior(model, method, importance.laplace(log_density, components, generator))
-        drawn = importance.importance(log_density, components, model.ranges, generator, min_ess=min_ess)
+            count = math.ceil(importance.KEPT * min_ess)
+            return _posterior(shear, method, importance.laplace(sheared, components, generator, count=count))
+        drawn = importance.importance(sheared, components, scores.ranges, generator, min_ess=min_ess)
         if drawn.trusted and drawn.ess >= min_ess:
-            return _posterior(model, method, drawn)
+            return _posterior(shear, method, drawn)
         _log.info(
             "%s: importance sampling is not to be trusted here (Pareto k %.2f, effective sample size %.0f); "
             "emcee is used",
@@ -86,23 +98,63 @@ def candidates(
     return np.vstack(points)
 
 
+def _log_density_of_scores(scores: Scores, rows: Rows) -> proposal.LogDensity:
+    """Log posterior density of scores, shape (D, P), up to a constant."""
+    model = scores.model
+    likelihood = batch.log_likelihood(model, rows)
+
+    def log_density(z: FloatArray) -> FloatArray:
+        prior = scores.log_prior(z)
+        inside = np.isfinite(prior)
+        if inside.all():
+            return prior + likelihood(model.full(scores.to_model(z)))
+        prior[inside] += likelihood(model.full(scores.to_model(z[inside])))
+        return prior
+
+    return log_density
+
+
 def _components(
-    model: Model, rows: Rows, log_density: proposal.LogDensity, basins: Sequence[Basin]
+    scores: Scores, log_density: proposal.LogDensity, basins: Sequence[Basin]
 ) -> list[proposal.Component]:
-    found = [
-        proposal.at_basin(log_density, basin.x, search.widths(model, rows, basin), model.ranges)
-        for basin in basins
-    ]
-    return proposal.mixture([mass for mass, _ in found], [component for _, component in found])
+    masses: list[float] = []
+    found: list[proposal.Component] = []
+    for basin in basins:
+        z = scores.from_model(basin.x[None])[0]
+        # A bound is at infinity, and what is likely not far from what was likely before.
+        z[scores.scored] = np.clip(np.nan_to_num(z[scores.scored]), -_FAR, _FAR)
+        if any(_same_material(scores, c, z) for c in found):
+            continue
+        width = laplace.first_widths(log_density, z, scores.ranges)
+        mass, component = laplace.at_basin(log_density, z, width, scores.ranges)
+        if not any(_same_material(scores, c, component.centre) for c in found):
+            masses.append(mass)
+            found.append(component)
+    return proposal.mixture(masses, found)
 
 
-def _posterior(model: Model, method: Method, drawn: importance.Draws) -> Posterior:
+def _same_material(scores: Scores, component: proposal.Component, z: FloatArray) -> bool:
+    """Whether z is within two standard deviations of a component in eta, k and sigmas.
+
+    Nuisances have mirror images in the model's coordinates, none in scores.
+    """
+    free = ~scores.scored
+    apart = (z - component.centre)[free]
+    return bool(apart @ np.linalg.solve(component.covariance[np.ix_(free, free)], apart) < 4.0)
+
+
+def _posterior(shear: Shear, method: Method, drawn: importance.Draws) -> Posterior:
+    scores, model = shear.scores, shear.scores.model
+    z = shear.plain(drawn.x.reshape(-1, drawn.x.shape[-1]))
+    x = scores.to_model(z)
+    # From the density of z to that of x: the likelihood is the same, the prior is not.
+    log_density = drawn.log_density + (model.log_prior(x) - scores.log_prior(z)).reshape(drawn.x.shape[:2])
     return Posterior(
         model=model.name,
         method=method,
         names=model.names,
-        samples=model.samples(drawn.x),
-        log_density=drawn.log_density,
+        samples=model.samples(x.reshape(drawn.x.shape)),
+        log_density=log_density,
         ensemble=np.arange(len(drawn.x)),
         ess=dict.fromkeys(model.names, drawn.ess),
         # Laplace's approximation has nothing to converge to, and nothing that could tell.

@@ -14,8 +14,8 @@ import emcee
 import numpy as np
 from numpy.typing import NDArray
 
+from reflectance_fit.inference import batch
 from reflectance_fit.inference.ensembles import SeparateEnsembles
-from reflectance_fit.inference.likelihood import log_likelihoods
 from reflectance_fit.inference.models import Model
 from reflectance_fit.inference.rows import Rows
 from reflectance_fit.result import Chains, Posterior
@@ -114,11 +114,13 @@ def sample(
 def log_posterior(model: Model, rows: Rows) -> Callable[[FloatArray], FloatArray]:
     """The log posterior density as a function of coordinates, shape (D, P), up to a constant."""
 
+    likelihood = batch.log_likelihood(model, rows)
+
     def log_density(x: FloatArray) -> FloatArray:
         prior = model.log_prior(x)
         inside = np.isfinite(prior)
         out = np.full(len(x), -np.inf)
-        out[inside] = prior[inside] + log_likelihoods(rows, model.full(x[inside]))
+        out[inside] = prior[inside] + likelihood(model.full(x[inside]))
         return out
 
     return log_density
