@@ -18,7 +18,8 @@ FloatArray = NDArray[np.float64]
 class Candidate:
     """One model that was tried, at its optimum."""
 
-    name: str  # dielectric | conductor
+    name: str  # dielectric | conductor | fixed_k | fixed_eta
+    nuisances: tuple[str, ...]
     parameters: int
     chi2: float
     dof: int

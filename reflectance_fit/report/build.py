@@ -129,7 +129,12 @@ def _fit(fit: Fit) -> schema.FitReport:
             chosen_because=fit.chosen_because,
             candidates=[
                 schema.Candidate(
-                    name=c.name, parameters=c.parameters, chi2=short(c.chi2), dof=c.dof, bic=short(c.bic)
+                    name=c.name,
+                    nuisances=list(c.nuisances),
+                    parameters=c.parameters,
+                    chi2=short(c.chi2),
+                    dof=c.dof,
+                    bic=short(c.bic),
                 )
                 for c in fit.candidates
             ],

@@ -36,6 +36,7 @@ class BrewsterEstimate(Estimate):
 
 class Candidate(_Part):
     name: str
+    nuisances: list[str] = []
     parameters: int
     chi2: float
     dof: int
