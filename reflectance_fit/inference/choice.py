@@ -5,8 +5,8 @@ have a threshold of their own, so that chance alone is rarely believed:
 
 * k > 0 is one-sided: at the bound its likelihood ratio is 0 in half of all
   cases and chi-squared with one degree of freedom in the other half (Self and
-  Liang 1987).  With few rows log n lies below the 5 % point, 2.71, which is
-  then what the ratio must exceed.
+  Liang 1987).  With fewer than 47 rows log n lies below the 2.5 % point, 3.84,
+  which is then what the ratio must exceed.
 * A nuisance is only added where nothing is stated about nuisances.  The BIC
   must fall by 6, and the ratio to the same model without it must exceed what
   chance gives one of all the nuisances on offer in 1 % of cases.  Where the
@@ -20,39 +20,29 @@ have a threshold of their own, so that chance alone is rarely believed:
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from reflectance_fit.inference import models, search
-from reflectance_fit.inference.models import Model
-from reflectance_fit.inference.optimize import Basin
-from reflectance_fit.inference.rows import Rows
-from reflectance_fit.priors import Prior
-from reflectance_fit.result import Optimum
+from reflectance_fit.inference import robust
+from reflectance_fit.inference.candidates import Candidates, Tried
+from reflectance_fit.observations import Observations
 
-K_CHANCE = 0.05  # of k > 0 where there is none
+K_CHANCE = (
+    0.025  # of k > 0 where there is none; more than one basin, and normal noise by name only, add to it
+)
 NUISANCE_CHANCE = 0.01  # of any nuisance where there is none
 NUISANCE_MARGIN = 6.0  # by which the BIC must fall
+NOISE_MARGIN = 10.0
+WORTH_A_LOOK = 2.5  # sigma; a row within gains less than 1.5 from heavy tails
 
 # The azimuth of a source that is not polarized means nothing, so it comes with its degree only.
 _PARTNERS = {"source_azimuth_deg": "source_dolp"}
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Tried:
-    """A candidate at its optimum; ``nuisances`` and ``rows`` are those it was fitted with."""
-
-    model: Model
-    nuisances: tuple[str, ...]
-    rows: Rows
-    optimum: Optimum
-    basins: list[Basin]
-
-    @property
-    def parameters(self) -> int:
-        return len(self.optimum.parameters) + len(self.optimum.gains)
+Fitted = Callable[[str, Iterable[str]], Tried]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,59 +55,62 @@ class Choice:
     reason: str
 
 
-class Candidates:
-    """Fits models on demand, each once; with the nuisances of ``sigmas`` (name -> sigma) that are asked for."""
-
-    def __init__(
-        self,
-        rows: Rows,
-        gains: list[str],
-        priors: Mapping[str, Prior],
-        sigmas: Mapping[str, float],
-        estimated: list[str],
-    ) -> None:
-        self._rows, self._gains, self._priors = rows, gains, priors
-        self._sigmas, self._estimated = sigmas, estimated
-        self._tried: dict[tuple[str, frozenset[str]], Tried] = {}
-
-    def __call__(self, name: str, nuisances: Iterable[str]) -> Tried:
-        asked = frozenset(nuisances)
-        key = (name, asked)
-        if key not in self._tried:
-            sigmas = {n: s for n, s in self._sigmas.items() if n in asked}
-            model = models.build(name, self._rows, self._priors, sigmas, self._estimated)
-            optimum, basins = search.find(model, self._rows, self._gains)
-            self._tried[key] = Tried(model, tuple(sigmas), self._rows, optimum, basins)
-        return self._tried[key]
-
-    @property
-    def tried(self) -> tuple[Tried, ...]:
-        return tuple(sorted(self._tried.values(), key=lambda t: t.optimum.bic))
-
-
 def choose(
-    names: tuple[str, ...], candidates: Candidates, given: Iterable[str], offered: Iterable[str]
+    names: tuple[str, ...],
+    candidates: Candidates,
+    given: Iterable[str],
+    offered: Iterable[str],
+    observations: Observations,
 ) -> Choice:
-    """The model of ``names`` that the rows need, with the nuisances ``given`` and what they need of ``offered``."""
-    chosen, reason = _simplest(names, candidates, given)
+    """The model of ``names`` that the rows need, with the nuisances ``given`` and what they need of ``offered``.
+
+    ``observations`` are the used rows.
+    """
+    given, offered = tuple(given), tuple(offered)
+    normal = _ladder(names, candidates, candidates, given, offered)
+    best = normal.chosen
+    if best.rows.errors_in_angle or np.max(np.abs(best.optimum.residuals)) < WORTH_A_LOOK:
+        return normal
+    with suppress(ValueError):
+        first = candidates.heavy_tailed(best.optimum.model, best.nuisances)
+        if first.optimum.bic < best.optimum.bic - NOISE_MARGIN:
+            heavy = _ladder(names, candidates.heavy_tailed, candidates, given, offered)
+            chosen = heavy.chosen.optimum
+            lead = best.optimum.bic - chosen.bic
+            count = robust.outliers(chosen)
+            if lead < NOISE_MARGIN or not robust.scattered(chosen, observations):
+                said = f"noise with {count} outliers is refused, they are not scattered in rows that fit; "
+                return replace(normal, tried=candidates.tried, reason=said + normal.reason)
+            share = f"{count} of {len(chosen.residuals)} rows are outliers"
+            said = f"{share}, so noise is Student's t: delta BIC = {lead:.4g}; "
+            return replace(heavy, reason=said + heavy.reason, rival=best)
+    return normal
+
+
+def _ladder(
+    names: tuple[str, ...],
+    fit: Fitted,
+    candidates: Candidates,
+    given: tuple[str, ...],
+    offered: tuple[str, ...],
+) -> Choice:
+    """``choose`` for one kind of noise."""
+    chosen, reason = _simplest(names, fit, given)
     plain, steps = chosen, []
-    while step := _one_more(names, candidates, chosen, tuple(offered)):
+    while step := _one_more(names, fit, chosen, offered):
         chosen, k_reason, why = step
         steps.append(why)
         reason = f"{'; '.join(steps)}; {k_reason}"
-    if plain is not chosen:
-        rival: Tried | None = plain
-    else:
-        rival = next((t for t in candidates.tried if t is not chosen), None)
-        reason = _doubt(chosen, candidates) + reason if offered else reason
-    return Choice(chosen, candidates.tried, rival, reason)
+    same = [t for t in candidates.tried if t.noise == chosen.noise and t is not chosen]
+    rival = plain if steps else next((t for t in same if t.nuisances == chosen.nuisances), None)
+    return Choice(chosen, candidates.tried, rival, reason if steps else _doubt(chosen, same) + reason)
 
 
-def _simplest(names: tuple[str, ...], candidates: Candidates, nuisances: Iterable[str]) -> tuple[Tried, str]:
+def _simplest(names: tuple[str, ...], fit: Fitted, nuisances: Iterable[str]) -> tuple[Tried, str]:
     """Dielectric or conductor, or the only one there is."""
     if len(names) == 1:
-        return candidates(names[0], nuisances), "the priors leave nothing else"
-    dielectric, conductor = (candidates(name, nuisances) for name in names)
+        return fit(names[0], nuisances), "the priors leave nothing else"
+    dielectric, conductor = (fit(name, nuisances) for name in names)
     gain = dielectric.optimum.objective - conductor.optimum.objective
     difference = conductor.optimum.bic - dielectric.optimum.bic
     if difference < 0 and gain > likely_by_chance(conductor, 2 * K_CHANCE):
@@ -146,16 +139,16 @@ def likely_by_chance(larger: Tried, chance: float) -> float:
 
 
 def _one_more(
-    names: tuple[str, ...], candidates: Candidates, chosen: Tried, offered: tuple[str, ...]
+    names: tuple[str, ...], fit: Fitted, chosen: Tried, offered: tuple[str, ...]
 ) -> tuple[Tried, str, str] | None:
     """The best model with one nuisance more than ``chosen``, where the rows need it, and why."""
     found: list[tuple[Tried, str, tuple[str, ...]]] = []
     for added in _steps(chosen.nuisances, offered):
         try:
-            larger, reason = _simplest(names, candidates, (*chosen.nuisances, *added))
+            larger, reason = _simplest(names, fit, (*chosen.nuisances, *added))
         except ValueError:
             continue  # no finite likelihood anywhere: not a candidate
-        parent = candidates(larger.optimum.model, chosen.nuisances)
+        parent = fit(larger.optimum.model, chosen.nuisances)
         badness = max(larger.optimum.reduced_chi2 or 1.0, 1.0)
         gain = (parent.optimum.objective - larger.optimum.objective) / badness
         lead = (chosen.optimum.objective - larger.optimum.objective) / badness
@@ -187,21 +180,13 @@ def _steps(present: tuple[str, ...], offered: tuple[str, ...]) -> list[tuple[str
     ]
 
 
-def _doubt(chosen: Tried, candidates: Candidates) -> str:
+def _doubt(chosen: Tried, others: list[Tried]) -> str:
     """What to say first where k > 0 was preferred to a nuisance that explains the rows as well."""
     if chosen.optimum.model != "conductor":
         return ""
-    others = [
-        t
-        for t in candidates.tried
-        if t.optimum.model == "dielectric"
-        and t.parameters <= chosen.parameters
-        and t.nuisances != chosen.nuisances
-        and t.optimum.bic < chosen.optimum.bic + NUISANCE_MARGIN
-    ]
-    if not others:
-        return ""
-    best = others[0]
-    difference = best.optimum.bic - chosen.optimum.bic
-    added = " and ".join(n for n in best.nuisances if n not in chosen.nuisances)
-    return f"k = 0 with {added} would explain the rows nearly as well (BIC {difference:+.2g}); "
+    for other in others:
+        added = [name for name in other.nuisances if name not in chosen.nuisances]
+        lead = other.optimum.bic - chosen.optimum.bic
+        if other.optimum.model == "dielectric" and added and lead < NUISANCE_MARGIN:
+            return f"k = 0 with {' and '.join(added)} explains the rows about as well (BIC {lead:+.2g}); "
+    return ""

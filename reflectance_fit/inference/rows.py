@@ -30,7 +30,8 @@ class Rows(NamedTuple):
     numbers the goniometer settings: rows of one setting share one angle error.
     ``largest`` is the largest value among the rows of equal gain (the unit of
     the diffuse part).  ``censored`` rows are saturated: all that is known is
-    that the truth is at least their value.
+    that the truth is at least their value.  ``heavy_tailed``: noise is
+    Student's t, not normal (``student``).
     """
 
     code: IntArray
@@ -54,6 +55,7 @@ class Rows(NamedTuple):
     gains: int
     settings: int
     errors_in_angle: bool
+    heavy_tailed: bool
 
 
 def gain_names(observations: Observations) -> list[str]:
@@ -128,4 +130,5 @@ def pack(observations: Observations, exterior_ior: float) -> Rows:
         gains=len(gains),
         settings=len(settings),
         errors_in_angle=bool(np.any(o.theta_deg_sigma > 0)),
+        heavy_tailed=False,
     )

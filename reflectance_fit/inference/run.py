@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.inference import choice, ladder, models, posterior
+from reflectance_fit.inference import ladder, models, posterior
+from reflectance_fit.inference.candidates import Candidates, Tried
+from reflectance_fit.inference.choice import Choice, choose
+from reflectance_fit.inference.cross_check import Checked, checked
 from reflectance_fit.inference.derived import derived_draws
 from reflectance_fit.inference.identify import interval
 from reflectance_fit.inference.rows import estimated_names, fitted, gain_names, pack
@@ -20,6 +24,8 @@ FloatArray = NDArray[np.float64]
 
 MODELS = tuple(models.FREE)
 Progress = Callable[[str, int, int], None]
+
+_log = logging.getLogger(__name__)
 
 
 def fit_channel(
@@ -48,12 +54,17 @@ def fit_channel(
     estimated, gains = estimated_names(observations), gain_names(observations)
     offered = nuisance_defaults(observations) if nuisances is None and model == "auto" else {}
     sigmas = {**(nuisances or {}), **offered}
-    tried = choice.Candidates(rows, gains, priors, sigmas, estimated)
-    names = models.candidates(priors) if model == "auto" else (model,)
-    found = choice.choose(names, tried, nuisances or (), offered)
-    chosen = found.chosen
+    tried = Candidates(rows, gains, priors, sigmas, estimated)
+    names = models.candidates(priors)
+    if model == "auto":
+        found = checked(choose(names, tried, nuisances or (), offered, observations), (*seed, 2))
+    else:
+        found = Checked(Choice(only := tried(model, nuisances or ()), (only,), None, "asked for"), None, {})
+    chosen, loo = found.choice.chosen, found.loo
+    if loo and not loo.agrees:
+        _log.warning("%s: %s", channel, found.choice.reason)
 
-    def draw(each: choice.Tried, method: ladder.Method, stream: int, min_ess: float) -> Posterior:
+    def draw(each: Tried, method: ladder.Method, stream: int, min_ess: float) -> Posterior:
         report = (lambda done, most: progress(f"sampling {channel}", done, most)) if progress else None
         return ladder.draw(
             each.model, each.rows, each.basins, method, (*seed, stream), min_ess=min_ess, progress=report
@@ -63,8 +74,8 @@ def fit_channel(
     # k = 0 was chosen because k adds nothing; how large it may be is the conductor's to say.  One quantile is
     # all that is wanted, which importance sampling gives in a tenth of emcee's time, or says that it cannot.
     k_samples = (
-        draw(tried("conductor", chosen.nuisances), "importance", 1, posterior.LIMIT_ESS)
-        if chosen.optimum.model == "dielectric" and "conductor" in names
+        draw(tried.beside(chosen, "conductor"), "importance", 1, posterior.LIMIT_ESS)
+        if model == "auto" and chosen.optimum.model == "dielectric" and "conductor" in names
         else None
     )
     derived = derived_draws(samples.samples["eta"], samples.samples["k"], exterior_ior)
@@ -76,11 +87,18 @@ def fit_channel(
         optimum=chosen.optimum,
         candidates=tuple(
             Candidate(
-                t.optimum.model, t.nuisances, t.parameters, t.optimum.chi2, t.optimum.dof, t.optimum.bic
+                t.optimum.model,
+                t.parameters,
+                t.optimum.chi2,
+                t.optimum.dof,
+                t.optimum.bic,
+                t.nuisances,
+                t.noise,
+                found.elpd.get(t),
             )
-            for t in found.tried
+            for t in found.choice.tried
         ),
-        chosen_because=found.reason if model == "auto" else "asked for",
+        chosen_because=found.choice.reason,
         posterior=samples,
         k_posterior=k_samples,
         intervals=_intervals(chosen.model, samples, k_samples, priors, derived),
@@ -88,6 +106,8 @@ def fit_channel(
         estimated_sigma={q: chosen.optimum.parameters[f"sigma[{q}]"] for q in estimated},
         priors={**priors, **dict(zip(chosen.model.names, chosen.model.priors, strict=True))},
         saturated=saturated,
+        noise=chosen.noise,
+        loo=loo,
     )
 
 

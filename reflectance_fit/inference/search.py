@@ -50,7 +50,7 @@ def find(model: Model, rows: Rows, gains: list[str]) -> tuple[Optimum, list[opti
     basins.sort(key=lambda b: b.objective)
     if not basins:
         raise ValueError(f"no finite likelihood anywhere for the model {model.name}")
-    return _describe(model, rows, gains, basins[0]), basins
+    return describe(model, rows, gains, basins[0]), basins
 
 
 def _penalties(model: Model, x: FloatArray) -> FloatArray:
@@ -128,7 +128,8 @@ def _polished(
     return optimize.Basin(whole(best.x), best.objective, best.nan_count)
 
 
-def _describe(model: Model, rows: Rows, gains: list[str], basin: optimize.Basin) -> Optimum:
+def describe(model: Model, rows: Rows, gains: list[str], basin: optimize.Basin) -> Optimum:
+    """What a basin says of the data."""
     used = ~rows.censored
     n = int(used.sum())
     vector = model.full(basin.x)[0]

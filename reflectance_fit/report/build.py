@@ -126,15 +126,19 @@ def _fit(fit: Fit) -> schema.FitReport:
         channels=[fit.channel],
         model=schema.ModelChoice(
             name=optimum.model,
+            noise=fit.noise,
             chosen_because=fit.chosen_because,
+            loo=_loo(fit),
             candidates=[
                 schema.Candidate(
                     name=c.name,
                     nuisances=list(c.nuisances),
+                    noise=c.noise,
                     parameters=c.parameters,
                     chi2=short(c.chi2),
                     dof=c.dof,
                     bic=short(c.bic),
+                    elpd_loo=None if c.elpd_loo is None else short(c.elpd_loo),
                 )
                 for c in fit.candidates
             ],
@@ -168,6 +172,19 @@ def _fit(fit: Fit) -> schema.FitReport:
             autocorrelation_steps=short(float(chains.tau[-1]), 3) if chains else None,
             pareto_k=None if posterior.pareto_k is None else short(posterior.pareto_k, 3),
         ),
+    )
+
+
+def _loo(fit: Fit) -> schema.LeaveOneOut | None:
+    if fit.loo is None:
+        return None
+    loo = fit.loo
+    return schema.LeaveOneOut(
+        rival=loo.rival,
+        elpd_difference=short(loo.elpd_difference, 4),
+        se=short(loo.se, 3),
+        pareto_k=short(loo.pareto_k, 3),
+        agrees=loo.agrees,
     )
 
 
