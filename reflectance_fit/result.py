@@ -12,17 +12,40 @@ from reflectance_fit.observations import Observations
 from reflectance_fit.priors import Prior
 
 FloatArray = NDArray[np.float64]
+Noise = Literal["normal", "student_t"]
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
     """One model that was tried, at its optimum."""
 
-    name: str  # dielectric | conductor
+    name: str  # dielectric | conductor | fixed_k | fixed_eta
     parameters: int
-    chi2: float
+    chi2: float  # of student_t, like dof, without outliers
     dof: int
     bic: float
+    nuisances: tuple[str, ...] = ()
+    noise: Noise = "normal"
+    elpd_loo: float | None = None  # of the chosen one and its rival
+
+
+@dataclass(frozen=True, slots=True)
+class LeaveOneOut:
+    """How much better the chosen model foretells rows left out than its ``rival``: elpd, standard error, Pareto k."""
+
+    rival: str
+    elpd_difference: float
+    se: float
+    pareto_k: float
+
+    @property
+    def trusted(self) -> bool:
+        return self.pareto_k <= 0.7
+
+    @property
+    def agrees(self) -> bool:
+        """Unless the rival is clearly better (Sivula et al. 2020), by weights that can be trusted."""
+        return not (self.trusted and self.elpd_difference < -max(4.0, 2.0 * self.se))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,6 +185,8 @@ class Fit:
     estimated_sigma: dict[str, float]  # quantity -> sigma, where no sigma was stated
     priors: dict[str, Prior]  # of every sampled parameter
     saturated: int  # rows of which only a bound is known, because the detector was
+    noise: Noise = "normal"
+    loo: LeaveOneOut | None = None  # None where there was no rival
     shared: Shared | None = None
 
     @property

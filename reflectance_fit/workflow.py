@@ -105,9 +105,11 @@ def fit(
     source : Measurement, Capture or path
         What to fit, or the path of a measurement.yaml, capture.yaml or OBS.nc.
     model : {"auto", "dielectric", "conductor", "fixed_k", "fixed_eta"}
-        auto takes dielectric or conductor, whichever has the lower BIC, or
-        what the input's priors leave, and puts dielectric channels on one
-        dispersion curve where BIC prefers that; fixed_k and fixed_eta need the value there.
+        auto takes dielectric or conductor, whichever the rows need, or what the
+        input's priors leave; where the input has no nuisances block it also adds
+        the nuisances that the rows need, and it puts dielectric channels on one
+        dispersion curve where BIC prefers that.  fixed_k and fixed_eta need the
+        value in priors.
     posterior : {"emcee", "importance", "laplace"}, optional
         The rung of the posterior ladder: emcee unless there are more than 16
         channels, then importance sampling.  Where importance sampling finds
@@ -148,7 +150,7 @@ def fit(
                 rows,
                 exterior_ior=measurement.exterior_ior,
                 priors=measurement.priors,
-                nuisances=measurement.nuisances or {},
+                nuisances=measurement.nuisances,
                 model=model,
                 method=method,
                 seed=(seed, index),

@@ -55,7 +55,8 @@ def log_likelihood(model: Model, rows: Rows) -> Callable[[FloatArray], FloatArra
 
 
 def _simple(rows: Rows) -> bool:
-    return bool(np.all(rows.code <= _DOLP_VALUE)) and not rows.errors_in_angle and not rows.censored.any()
+    plain = not (rows.errors_in_angle or rows.heavy_tailed or rows.censored.any() or rows.dispersion.any())
+    return plain and bool(np.all(rows.code <= _DOLP_VALUE))
 
 
 @kernel
@@ -93,8 +94,16 @@ def _add_model(
     for d in range(count):
         c, s = c0 * cos_offset[d] - s0 * sin_offset[d], s0 * cos_offset[d] + c0 * sin_offset[d]
         reflection = interface(max(c, 0.0), s, eta[d], k[d])
-        light = (given[0], given[1] + unpolarized * block[6, d], given[2] + unpolarized * block[7, d], given[3])
-        analyzer = axis[0] * block[4, d] - axis[1] * block[5, d], axis[1] * block[4, d] + axis[0] * block[5, d]
+        light = (
+            given[0],
+            given[1] + unpolarized * block[6, d],
+            given[2] + unpolarized * block[7, d],
+            given[3],
+        )
+        analyzer = (
+            axis[0] * block[4, d] - axis[1] * block[5, d],
+            axis[1] * block[4, d] + axis[0] * block[5, d],
+        )
         passed = analyzer_signal(reflection, light, analyzer, retarder, diattenuation * block[8, d])
         out[d] += scale * passed
 

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.inference.likelihood import _cholesky_solve
+from reflectance_fit.inference.likelihood import cholesky_solve
 from reflectance_fit.inference.normal_equations import Problem, normal_equations, objective
 from reflectance_fit.inference.rows import Rows
 from reflectance_fit.physics.jit import kernel
@@ -88,7 +88,7 @@ def _step(
                     rhs[j] -= curvature[j, m] * step[m]
             floor = 1e-12 / (high[j] - low[j]) ** 2 if high[j] > low[j] else 1.0
             matrix[j, j] = 1.0 if held[j] else curvature[j, j] * (1 + damping) + floor
-        if not math.isfinite(_cholesky_solve(matrix, rhs)):
+        if not math.isfinite(cholesky_solve(matrix, rhs)):
             return math.nan
         step[:] = rhs
         worst, outside = 0.0, -1

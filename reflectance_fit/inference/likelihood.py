@@ -24,6 +24,7 @@ leave open of its gain, that has the probability
     Phi((G f + b - L) / sqrt(sigma^2 + f^2 var(g) + sigma_theta^2 v^2)),
 
 a factor of the likelihood; several such rows of one gain count as independent.
+Rows that are said to be heavy-tailed have the noise of ``student`` instead.
 """
 
 from __future__ import annotations
@@ -33,10 +34,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from reflectance_fit.inference.censored import log_normal_cdf
 from reflectance_fit.inference.forward import FIRST_SIGMA, at_angle, background, incidence, turns_of
 from reflectance_fit.inference.rows import CODES, Rows
+from reflectance_fit.inference.student import evaluate_heavy_tailed
 from reflectance_fit.observations import Quantity
-from reflectance_fit.physics.jit import inlined, kernel
+from reflectance_fit.physics.jit import kernel
 
 FloatArray = NDArray[np.float64]
 
@@ -46,7 +49,7 @@ _ROUNDS = 4  # of the fixed point in the gains; each gains a factor of order (si
 
 
 @kernel
-def _design(
+def design(
     rows: Rows, p: FloatArray, f: FloatArray, slope: FloatArray, target: FloatArray, sigma: FloatArray
 ) -> bool:
     """Fill model, slope, target and sigma of every row; False where an angle leaves [0, 90) degrees."""
@@ -76,7 +79,7 @@ def _design(
 
 
 @kernel
-def _cholesky_solve(n: FloatArray, rhs: FloatArray) -> float:
+def cholesky_solve(n: FloatArray, rhs: FloatArray) -> float:
     """Solve n x = rhs in place (n becomes its factor, rhs becomes x); log det n, NaN if not positive."""
     size = len(rhs)
     log_det = 0.0
@@ -115,14 +118,6 @@ def _inverse_diagonal(factor: FloatArray, j: int, work: FloatArray) -> float:
     return total
 
 
-@inlined
-def _log_normal_cdf(z: float) -> float:
-    """log Phi(z); far out by the first terms of its asymptotic series, to 1e-6 where erfc is near underflow."""
-    if z > -30.0:
-        return math.log(0.5 * math.erfc(-z / math.sqrt(2.0)))
-    return -0.5 * z * z - math.log(-z * math.sqrt(2.0 * math.pi)) + math.log1p(-1.0 / (z * z))
-
-
 @kernel
 def evaluate(
     rows: Rows, p: FloatArray, whitened: FloatArray, spread: FloatArray, gains: FloatArray
@@ -137,8 +132,10 @@ def evaluate(
     """
     n = len(rows.value)
     f, slope, target, sigma = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    if not _design(rows, p, f, slope, target, sigma):
+    if not design(rows, p, f, slope, target, sigma):
         return math.nan, 0.0, 0.0
+    if rows.heavy_tailed:
+        return evaluate_heavy_tailed(rows, f, target, sigma, whitened, spread, gains)
     normal = np.zeros((rows.gains, rows.gains))
     rhs = np.zeros(rows.gains)
     coupling = np.zeros((rows.settings, rows.gains))  # sum of f v / sigma^2
@@ -173,7 +170,7 @@ def evaluate(
                     for h in range(rows.gains):
                         normal[g, h] -= share[a] * coupling[a, g] * coupling[a, h]
         gains[:] = rhs
-        log_det_normal = _cholesky_solve(normal, gains)
+        log_det_normal = cholesky_solve(normal, gains)
         if math.isnan(log_det_normal):
             return math.nan, 0.0, 0.0
 
@@ -198,7 +195,7 @@ def evaluate(
         spread[i] = math.sqrt(sigma[i] ** 2 + (rows.theta_sigma[i] * v) ** 2)
         if rows.censored[i]:
             open_gain = f[i] ** 2 * variance[g] if g >= 0 else 0.0
-            log_det -= 2 * _log_normal_cdf(-residual / math.sqrt(spread[i] ** 2 + open_gain))
+            log_det -= 2 * log_normal_cdf(-residual / math.sqrt(spread[i] ** 2 + open_gain))
             whitened[i], slope[i] = 0.0, 0.0
             continue
         whitened[i] = residual / sigma[i]

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from reflectance_fit.inference.derivatives import gradient_at_angle
 from reflectance_fit.inference.forward import FIRST_NUISANCE, FIRST_SIGMA, K, at_angle, incidence, turns_of
-from reflectance_fit.inference.likelihood import _cholesky_solve, evaluate
+from reflectance_fit.inference.likelihood import cholesky_solve, evaluate
 from reflectance_fit.inference.models import Model
 from reflectance_fit.inference.rows import LAST_POWER, Rows
 from reflectance_fit.physics.jit import kernel
@@ -76,7 +76,7 @@ def problem_of(model: Model, rows: Rows) -> Problem:
         high=high,
         stated=float(2 * np.sum(np.log(rows.sigma[known]))),
         square=int(plain_k[0]) if len(plain_k) else -1,
-        exact=not (rows.errors_in_angle or rows.censored.any()),
+        exact=not (rows.errors_in_angle or rows.heavy_tailed or rows.censored.any()),
     )
 
 
@@ -213,7 +213,7 @@ def normal_equations(
         solved = np.empty_like(mixed)
         for j in range(size):
             solved[:, j] = mixed[:, j]
-            _cholesky_solve(normal.copy(), solved[:, j])
+            cholesky_solve(normal.copy(), solved[:, j])
     else:
         solved = mixed.copy()
         for g in range(rows.gains):

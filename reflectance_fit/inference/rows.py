@@ -30,8 +30,9 @@ class Rows(NamedTuple):
     numbers the goniometer settings: rows of one setting share one angle error.
     ``largest`` is the largest value among the rows of equal gain (the unit of
     the diffuse part).  ``dispersion`` is 1 / wavelength^2 in um^-2, less its mean
-    over the wavelengths: 0 where there is one.  ``censored`` rows are saturated: all that is known is
-    that the truth is at least their value.
+    over the wavelengths: 0 where there is one.  ``censored`` rows are saturated: all
+    that is known is that the truth is at least their value.  ``heavy_tailed``:
+    noise is Student's t, not normal (``student``).
     """
 
     code: IntArray
@@ -56,6 +57,7 @@ class Rows(NamedTuple):
     gains: int
     settings: int
     errors_in_angle: bool
+    heavy_tailed: bool
 
 
 def gain_names(observations: Observations) -> list[str]:
@@ -133,4 +135,5 @@ def pack(observations: Observations, exterior_ior: float) -> Rows:
         gains=len(gains),
         settings=len(settings),
         errors_in_angle=bool(np.any(o.theta_deg_sigma > 0)),
+        heavy_tailed=False,
     )

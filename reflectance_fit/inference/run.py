@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.inference import ladder, models, posterior, search
+from reflectance_fit.inference import ladder, models, posterior
+from reflectance_fit.inference.candidates import Candidates, Tried
+from reflectance_fit.inference.choice import Choice, choose
+from reflectance_fit.inference.cross_check import Checked, checked
 from reflectance_fit.inference.derived import derived_draws
 from reflectance_fit.inference.identify import interval
 from reflectance_fit.inference.rows import estimated_names, fitted, gain_names, pack
+from reflectance_fit.nuisances import offered as nuisance_defaults
 from reflectance_fit.observations import Flag, Observations
 from reflectance_fit.priors import Prior
-from reflectance_fit.result import Candidate, Fit, Interval, Optimum, Posterior
+from reflectance_fit.result import Candidate, Fit, Interval, Posterior
 
 FloatArray = NDArray[np.float64]
 
 MODELS = tuple(models.FREE)
 Progress = Callable[[str, int, int], None]
+
+_log = logging.getLogger(__name__)
 
 
 def fit_channel(
@@ -27,7 +34,7 @@ def fit_channel(
     *,
     exterior_ior: float,
     priors: Mapping[str, Prior],
-    nuisances: Mapping[str, float],
+    nuisances: Mapping[str, float] | None,
     model: str = "auto",
     method: ladder.Method = "emcee",
     seed: tuple[int, ...] = (0,),
@@ -35,33 +42,40 @@ def fit_channel(
 ) -> Fit:
     """Fit the used rows of one channel.
 
-    ``nuisances`` maps names to the sigma of their priors.  ``model`` is one of
-    MODELS, or auto: what the priors of eta and k leave, dielectric or
-    conductor by BIC; ``method`` is the rung of the posterior ladder.
+    ``nuisances`` maps names to the sigma of their priors; None leaves them to
+    auto, which adds what the rows need.  ``model`` is one of MODELS, or auto:
+    of what the priors of eta and k leave, the one that ``choice`` finds;
+    ``method`` is the rung of the posterior ladder.
     ``progress`` is called with (what, steps done, steps at most).
     """
     saturated = int(np.sum(observations.flag == Flag.SATURATED))
     rows = pack(fitted(observations), exterior_ior)
     observations = observations.used
     estimated, gains = estimated_names(observations), gain_names(observations)
-    names = models.candidates(priors) if model == "auto" else (model,)
-    built = {name: models.build(name, rows, priors, nuisances, estimated) for name in names}
-    found = {name: search.find(built[name], rows, gains) for name in names}
-    optima = {name: optimum for name, (optimum, _) in found.items()}
-    chosen, reason = _choose(optima, forced=model != "auto")
+    offered = nuisance_defaults(observations) if nuisances is None and model == "auto" else {}
+    sigmas = {**(nuisances or {}), **offered}
+    tried = Candidates(rows, gains, priors, sigmas, estimated)
+    names = models.candidates(priors)
+    if model == "auto":
+        found = checked(choose(names, tried, nuisances or (), offered, observations), (*seed, 2))
+    else:
+        found = Checked(Choice(only := tried(model, nuisances or ()), (only,), None, "asked for"), None, {})
+    chosen, loo = found.choice.chosen, found.loo
+    if loo and not loo.agrees:
+        _log.warning("%s: %s", channel, found.choice.reason)
 
-    def draw(name: str, method: ladder.Method, stream: int, min_ess: float) -> Posterior:
+    def draw(each: Tried, method: ladder.Method, stream: int, min_ess: float) -> Posterior:
         report = (lambda done, most: progress(f"sampling {channel}", done, most)) if progress else None
         return ladder.draw(
-            built[name], rows, found[name][1], method, (*seed, stream), min_ess=min_ess, progress=report
+            each.model, each.rows, each.basins, method, (*seed, stream), min_ess=min_ess, progress=report
         )
 
     samples = draw(chosen, method, 0, posterior.MIN_ESS)
     # k = 0 was chosen because k adds nothing; how large it may be is the conductor's to say.  One quantile is
     # all that is wanted, which importance sampling gives in a tenth of emcee's time, or says that it cannot.
     k_samples = (
-        draw("conductor", "importance", 1, posterior.LIMIT_ESS)
-        if chosen == "dielectric" and "conductor" in built
+        draw(tried.beside(chosen, "conductor"), "importance", 1, posterior.LIMIT_ESS)
+        if model == "auto" and chosen.optimum.model == "dielectric" and "conductor" in names
         else None
     )
     derived = derived_draws(samples.samples["eta"], samples.samples["k"], exterior_ior)
@@ -70,30 +84,31 @@ def fit_channel(
         wavelength_nm=float(observations.wavelength_nm[0]),
         exterior_ior=exterior_ior,
         observations=observations,
-        optimum=optima[chosen],
+        optimum=chosen.optimum,
         candidates=tuple(
-            Candidate(o.model, len(o.parameters) + len(o.gains), o.chi2, o.dof, o.bic)
-            for o in optima.values()
+            Candidate(
+                t.optimum.model,
+                t.parameters,
+                t.optimum.chi2,
+                t.optimum.dof,
+                t.optimum.bic,
+                t.nuisances,
+                t.noise,
+                found.elpd.get(t),
+            )
+            for t in found.choice.tried
         ),
-        chosen_because=reason,
+        chosen_because=found.choice.reason,
         posterior=samples,
         k_posterior=k_samples,
-        intervals=_intervals(built[chosen], samples, k_samples, priors, derived),
+        intervals=_intervals(chosen.model, samples, k_samples, priors, derived),
         derived=derived,
-        estimated_sigma={q: optima[chosen].parameters[f"sigma[{q}]"] for q in estimated},
-        priors={**priors, **dict(zip(built[chosen].names, built[chosen].priors, strict=True))},
+        estimated_sigma={q: chosen.optimum.parameters[f"sigma[{q}]"] for q in estimated},
+        priors={**priors, **dict(zip(chosen.model.names, chosen.model.priors, strict=True))},
         saturated=saturated,
+        noise=chosen.noise,
+        loo=loo,
     )
-
-
-def _choose(optima: dict[str, Optimum], *, forced: bool) -> tuple[str, str]:
-    if len(optima) == 1:
-        (name,) = optima
-        return name, "asked for" if forced else "the priors leave nothing else"
-    difference = optima["conductor"].bic - optima["dielectric"].bic
-    if difference >= 0:
-        return "dielectric", f"k adds nothing: delta BIC = {difference:.4g}"
-    return "conductor", f"k > 0 is needed: delta BIC = {-difference:.4g}"
 
 
 def _intervals(

@@ -60,7 +60,7 @@ def find(model: Model, rows: Rows, gains: list[str]) -> tuple[Optimum, list[opti
         for b in sorted(basins, key=lambda b: b.objective)
     ]
     basins[0] = replace(basins[0], nan_count=nan_count + sum(b.nan_count for b in basins))
-    return _describe(model, rows, gains, basins[0], ", ".join(ran)), basins
+    return describe(model, rows, gains, basins[0], ", ".join(ran)), basins
 
 
 def _starts(model: Model, rows: Rows, problem: Problem) -> tuple[list[FloatArray], int]:
@@ -150,7 +150,8 @@ def _penalties(model: Model, x: FloatArray) -> FloatArray:
     return np.stack(columns, axis=1) if columns else np.zeros((len(x), 0))
 
 
-def _describe(model: Model, rows: Rows, gains: list[str], basin: optimize.Basin, optimizer: str) -> Optimum:
+def describe(model: Model, rows: Rows, gains: list[str], basin: optimize.Basin, optimizer: str) -> Optimum:
+    """What a basin says of the data; ``optimizer`` is what found it."""
     used = ~rows.censored
     n = int(used.sum())
     vector = model.full(basin.x)[0]

@@ -117,6 +117,7 @@ def share_dispersion(
             candidates=candidates,
             chosen_because=because,
             shared=shared,
+            loo=None,
             priors={**fit.priors, B: B_PRIOR},
         )
         for fit in fits
@@ -127,7 +128,8 @@ def _may_share(fits: Sequence[Fit]) -> bool:
     def simple(fit: Fit) -> bool:
         free = set(fit.optimum.parameters) - {"eta"}
         identified = fit.intervals["eta"].status == "identified"
-        return fit.optimum.model == "dielectric" and identified and free <= _GEOMETRY
+        plain = fit.optimum.model == "dielectric" and fit.noise == "normal"
+        return plain and identified and free <= _GEOMETRY
 
     return len({fit.wavelength_nm for fit in fits}) >= _LEAST_CHANNELS and all(map(simple, fits))
 

@@ -130,10 +130,19 @@ def _fit(fit: Fit) -> schema.FitReport:
         channels=list(fit.shared.channels) if fit.shared else [fit.channel],
         model=schema.ModelChoice(
             name=optimum.model,
+            noise=fit.noise,
             chosen_because=fit.chosen_because,
+            loo=_loo(fit),
             candidates=[
                 schema.Candidate(
-                    name=c.name, parameters=c.parameters, chi2=short(c.chi2), dof=c.dof, bic=short(c.bic)
+                    name=c.name,
+                    nuisances=list(c.nuisances),
+                    noise=c.noise,
+                    parameters=c.parameters,
+                    chi2=short(c.chi2),
+                    dof=c.dof,
+                    bic=short(c.bic),
+                    elpd_loo=None if c.elpd_loo is None else short(c.elpd_loo),
                 )
                 for c in fit.candidates
             ],
@@ -174,6 +183,19 @@ def _nuisance(draws: FloatArray) -> schema.Nuisance:
 
 def _dispersion(shared: Shared) -> schema.Dispersion:
     return schema.Dispersion(cauchy_a=_nuisance(shared.cauchy_a), cauchy_b_um2=_nuisance(shared.cauchy_b_um2))
+
+
+def _loo(fit: Fit) -> schema.LeaveOneOut | None:
+    if fit.loo is None:
+        return None
+    loo = fit.loo
+    return schema.LeaveOneOut(
+        rival=loo.rival,
+        elpd_difference=short(loo.elpd_difference, 4),
+        se=short(loo.se, 3),
+        pareto_k=short(loo.pareto_k, 3),
+        agrees=loo.agrees,
+    )
 
 
 def _warnings(fit: Fit) -> list[tuple[str, str]]:

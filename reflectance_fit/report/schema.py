@@ -36,10 +36,23 @@ class BrewsterEstimate(Estimate):
 
 class Candidate(_Part):
     name: str
+    nuisances: list[str] = []
+    noise: Literal["normal", "student_t"] = "normal"
     parameters: int
-    chi2: float
+    chi2: float = Field(description="of student_t, like dof, without the outliers")
     dof: int
     bic: float
+    elpd_loo: float | None = Field(None, description="of the chosen one and its rival")
+
+
+class LeaveOneOut(_Part):
+    """How much better the chosen model foretells rows left out than its rival."""
+
+    rival: str
+    elpd_difference: float
+    se: float
+    pareto_k: float = Field(description="tail of the weights; above 0.7 the figures are not to be trusted")
+    agrees: bool = Field(description="false where the rival is clearly better")
 
 
 class Nuisance(_Part):
@@ -56,7 +69,9 @@ class Dispersion(_Part):
 
 class ModelChoice(_Part):
     name: str
+    noise: Literal["normal", "student_t"] = "normal"
     chosen_because: str
+    loo: LeaveOneOut | None = Field(None, description="null where there was no rival")
     candidates: list[Candidate]
     dispersion: Dispersion | None = Field(None, description="absent where every channel has its own eta")
 
