@@ -8,13 +8,14 @@ its steps did not come to rest, and searches the whole range where no basin has 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.inference import optimize, starts
-from reflectance_fit.inference.forward import ETA, K, predict_vectors
+from reflectance_fit.inference.forward import ETA, FIRST_SIGMA, K, predict_vectors
 from reflectance_fit.inference.gauss_newton import curvature_at, descend
 from reflectance_fit.inference.likelihood import deviances, evaluate
 from reflectance_fit.inference.models import Model
@@ -123,7 +124,23 @@ def _last_word(rows: Rows, problem: Problem, basin: optimize.Basin) -> optimize.
         _scalar(rows, problem), basin.x, np.stack([problem.low, problem.high], axis=1), step
     )
     best = optimize.better(basin, found)
-    return replace(best, converged=basin.converged or found.converged)
+    if problem.exact and problem.places[-1] < FIRST_SIGMA:
+        # A sum of squares: least squares by other steps than ours.
+        polished = optimize.least_squares(_residuals(rows, problem), best.x, (problem.low, problem.high))
+        value = _scalar(rows, problem)(polished.x)
+        best = optimize.better(best, replace(polished, objective=value))
+    return replace(best, converged=best.converged or found.converged)
+
+
+def _residuals(rows: Rows, problem: Problem) -> Callable[[FloatArray], FloatArray]:
+    whitened, gains = np.empty(len(rows.value)), np.empty(rows.gains)
+
+    def residuals(x: FloatArray) -> FloatArray:
+        value = objective(rows, problem, x, whitened, gains)
+        penalties = (x - problem.mean) * problem.weight
+        return np.concatenate([whitened if math.isfinite(value) else whitened * math.nan, penalties])
+
+    return residuals
 
 
 def widths(model: Model, rows: Rows, basin: optimize.Basin) -> FloatArray:
