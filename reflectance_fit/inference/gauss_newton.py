@@ -167,10 +167,13 @@ def descend(rows: Rows, problem: Problem, x: FloatArray) -> tuple[float, bool, i
 
 
 @kernel
-def curvature_at(rows: Rows, problem: Problem, x: FloatArray) -> FloatArray:
-    """Half of the objective's Hessian at ``x`` by Gauss-Newton, shape (P, P): the inverse of a covariance."""
-    whitened, gains = np.empty(len(rows.value)), np.empty(rows.gains)
-    gradient, curvature = np.empty(len(x)), np.empty((len(x), len(x)))
-    objective(rows, problem, x, whitened, gains)
-    normal_equations(rows, problem, x, False, whitened, gains, gradient, curvature)
-    return curvature
+def descend_all(
+    rows: Rows, problem: Problem, points: FloatArray
+) -> tuple[FloatArray, NDArray[np.bool_], int]:
+    """`descend` from each of the points, shape (D, P), which move to their minima."""
+    values, converged = np.empty(len(points)), np.empty(len(points), dtype=np.bool_)
+    total = 0
+    for d in range(len(points)):
+        values[d], converged[d], nan_count = descend(rows, problem, points[d])
+        total += nan_count
+    return values, converged, total
