@@ -158,7 +158,8 @@ def descend(rows: Rows, problem: Problem, x: FloatArray) -> tuple[float, bool, i
             if not problem.exact:
                 _differences(rows, problem, x, value, squared, curvature, gradient, spare, spare_gains)
             promised = _step(gradient, curvature, 0.0, y, low, high, step)
-            converged = promised <= _TOLERANCE * (1 + abs(value))
+            # Held at a bound, a step may promise an increase: that is no rest.
+            converged = abs(promised) <= _TOLERANCE * (1 + abs(value))
             fresh = False
         if not converged:
             promised = _step(gradient, curvature, damping, y, low, high, step)

@@ -125,7 +125,7 @@ def _run(method: Method, seen: _Watched, start: FloatArray, ranges: FloatArray, 
     search.set_xtol_rel(1e-10)
     search.set_maxeval(_MAX_EVALUATIONS[method])
     # Whatever it says in the end, the best point seen so far is kept.
-    with suppress(nlopt.RoundoffLimited, RuntimeError):
+    with suppress(nlopt.RoundoffLimited, nlopt.runtime_error):
         search.optimize(start.copy())
 
 

@@ -32,7 +32,10 @@ from reflectance_fit.result import Optimum
 
 FloatArray = NDArray[np.float64]
 
-_STARTS, _CLOSED = 6, 2
+_STARTS, _CLOSED = 5, 2
+# Where there is doubt: the lowest of all points, and one of so many of the grid.
+_MORE, _EVERY = 40, 5
+_RIVAL = 4.0
 # Minima whose objectives differ by no more may be one.
 _SAME = 1e-3
 
@@ -45,9 +48,12 @@ def find(model: Model, rows: Rows, gains: list[str]) -> tuple[Optimum, list[opti
     priors do not move it.
     """
     problem = problem_of(model, rows)
-    points, nan_count = _starts(model, rows, problem)
+    first, more, nan_count = _starts(model, rows, problem)
     ran = ["grid, closed forms, Gauss-Newton"]
-    basins = _descended(rows, problem, points)
+    basins = _descended(rows, problem, first)
+    if _doubtful(model, rows, basins):
+        basins = _descended(rows, problem, np.concatenate([first, more]))
+        ran[0] += " from many starts"
     if basins and not (problem.exact and basins[0].converged):
         basins[0] = _last_word(rows, problem, basins[0])
         ran.append("nlopt LN_BOBYQA" if len(model.names) > 1 else "nlopt LN_SBPLX")
@@ -67,8 +73,8 @@ def find(model: Model, rows: Rows, gains: list[str]) -> tuple[Optimum, list[opti
     return _describe(model, rows, gains, basins[0], ", ".join(ran)), basins
 
 
-def _starts(model: Model, rows: Rows, problem: Problem) -> tuple[FloatArray, int]:
-    """The lowest local minima of grid and line and the best closed forms; and how many points were NaN."""
+def _starts(model: Model, rows: Rows, problem: Problem) -> tuple[FloatArray, FloatArray, int]:
+    """The lowest local minima of grid and line with the best closed forms; more points; how many were NaN."""
     # Errors of the angles and censored rows matter little for where the basins are, and cost a lot.
     coarse = rows._replace(theta_sigma=np.zeros_like(rows.theta_sigma), errors_in_angle=False)
     points, shape = starts.grid(model)
@@ -83,7 +89,21 @@ def _starts(model: Model, rows: Rows, problem: Problem) -> tuple[FloatArray, int
     chosen += [first + i for (i,) in optimize.grid_minima(values[first:second])]
     chosen += [second + int(i) for i in np.argsort(values[second:])[:_CLOSED]]
     chosen = sorted((i for i in chosen if math.isfinite(values[i])), key=lambda i: float(values[i]))
-    return points[chosen[:_STARTS]], int(np.isinf(values).sum())
+    lowest = np.argsort(values)[:_MORE]
+    more = np.union1d(lowest[np.isfinite(values[lowest])], np.arange(0, len(parts[0]), _EVERY))
+    return points[chosen[:_STARTS]], points[more], int(np.isinf(values).sum())
+
+
+def _doubtful(model: Model, rows: Rows, basins: list[optimize.Basin]) -> bool:
+    """Whether there may be a lower minimum that the first starts missed.
+
+    So where basins rival each other, none has converged, or total reflection puts a corner at every angle.
+    """
+    if not basins or not basins[0].converged:
+        return True
+    eta = model.full(basins[0].x)[0, ETA]
+    reflected = bool(eta < rows.exterior_ior * np.max(np.abs(rows.sin_theta)))
+    return reflected or (len(basins) > 1 and basins[1].objective - basins[0].objective < _RIVAL)
 
 
 def _descended(rows: Rows, problem: Problem, points: FloatArray) -> list[optimize.Basin]:
