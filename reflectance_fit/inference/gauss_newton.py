@@ -158,7 +158,8 @@ def descend(rows: Rows, problem: Problem, x: FloatArray) -> tuple[float, bool, i
             if not problem.exact:
                 _differences(rows, problem, x, value, squared, curvature, gradient, spare, spare_gains)
             promised = _step(gradient, curvature, 0.0, y, low, high, step)
-            converged = promised <= _TOLERANCE * (1 + abs(value))
+            # Held at a bound, a step may promise an increase: that is no rest.
+            converged = abs(promised) <= _TOLERANCE * (1 + abs(value))
             fresh = False
         if not converged:
             promised = _step(gradient, curvature, damping, y, low, high, step)
@@ -167,10 +168,13 @@ def descend(rows: Rows, problem: Problem, x: FloatArray) -> tuple[float, bool, i
 
 
 @kernel
-def curvature_at(rows: Rows, problem: Problem, x: FloatArray) -> FloatArray:
-    """Half of the objective's Hessian at ``x`` by Gauss-Newton, shape (P, P): the inverse of a covariance."""
-    whitened, gains = np.empty(len(rows.value)), np.empty(rows.gains)
-    gradient, curvature = np.empty(len(x)), np.empty((len(x), len(x)))
-    objective(rows, problem, x, whitened, gains)
-    normal_equations(rows, problem, x, False, whitened, gains, gradient, curvature)
-    return curvature
+def descend_all(
+    rows: Rows, problem: Problem, points: FloatArray
+) -> tuple[FloatArray, NDArray[np.bool_], int]:
+    """`descend` from each of the points, shape (D, P), which move to their minima."""
+    values, converged = np.empty(len(points)), np.empty(len(points), dtype=np.bool_)
+    total = 0
+    for d in range(len(points)):
+        values[d], converged[d], nan_count = descend(rows, problem, points[d])
+        total += nan_count
+    return values, converged, total

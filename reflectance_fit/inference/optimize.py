@@ -23,9 +23,11 @@ Objective = Callable[[FloatArray], float]
 Method = Literal["local", "slsqp", "direct", "crs", "mlsl"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
+_HUGE = 1e15  # a residual, instead of NaN
 _WALL = 1e30  # stands for NaN and infinity towards nlopt, which then turns away
 _MAX_EVALUATIONS = {"local": 4000, "slsqp": 500, "direct": 1000, "crs": 5000, "mlsl": 2000}
 _MAX_BASINS = 6
+_RELATIVE_STEP = float(np.finfo(float).eps) ** 0.2
 _PROBES = (1e-2, 1e-4, 1e-6)  # of the first step
 _NO_LOWER = 1e-7  # how much lower, relative to 1 + |objective|, a probe may lie
 
@@ -123,7 +125,7 @@ def _run(method: Method, seen: _Watched, start: FloatArray, ranges: FloatArray, 
     search.set_xtol_rel(1e-10)
     search.set_maxeval(_MAX_EVALUATIONS[method])
     # Whatever it says in the end, the best point seen so far is kept.
-    with suppress(nlopt.RoundoffLimited, RuntimeError):
+    with suppress(nlopt.RoundoffLimited, nlopt.runtime_error):
         search.optimize(start.copy())
 
 
@@ -168,7 +170,7 @@ def least_squares(
 
     Trust-region and, without ``bounds``, Levenberg-Marquardt steps in turn
     (scipy), scaled by the Jacobian, each from the best point so far.  NaN
-    counts as a wall.  ``jacobian`` (N, P) comes from differences by default.
+    counts as a wall.  ``jacobian`` (N, P) comes from differences of fourth order by default.
     """
     from scipy.optimize import least_squares as solve
 
@@ -180,9 +182,9 @@ def least_squares(
         evaluations += 1
         with np.errstate(all="ignore"):
             r = residuals(x)
-        bad = not np.all(np.isfinite(r))
+        bad = not np.all(np.abs(r) < _HUGE)
         nan_count += bad
-        return np.full(len(r), 1e15) if bad else r
+        return np.full(len(r), _HUGE) if bad else r
 
     start = np.clip(start, low, high)
     best, value, converged = start, float(np.sum(finite(start) ** 2)), False
@@ -196,7 +198,7 @@ def least_squares(
             found = solve(
                 finite,
                 inside,
-                jac=jacobian or "3-point",
+                jac=jacobian or (lambda x: _jacobian(finite, x, low, high)),
                 bounds=(low, high) if method != "lm" else (-np.inf, np.inf),
                 method=method,
                 x_scale="jac",
@@ -207,7 +209,60 @@ def least_squares(
             )
             if 2 * found.cost <= value:
                 best, value, converged = found.x, 2 * float(found.cost), found.status > 0
-    return Basin(best, value, nan_count, converged and value < 1e29, evaluations)
+    if value < _HUGE**2:
+        best = _last_digits(finite, jacobian or (lambda x: _jacobian(finite, x, low, high)), best, low, high)
+        value = float(np.sum(finite(best) ** 2))
+    return Basin(best, value, nan_count, converged and value < _HUGE**2, evaluations)
+
+
+def _last_digits(
+    residuals: Callable[[FloatArray], FloatArray],
+    jacobian: Callable[[FloatArray], FloatArray],
+    x: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+) -> FloatArray:
+    """Plain Gauss-Newton for as long as the residuals' part in the span of J falls.
+
+    The sum of squares is flat to the last bit over half of the digits of x; that part, its gradient, is not.
+    """
+    part = np.inf
+    best = x
+    for _ in range(20):
+        r, j = residuals(x), jacobian(x)
+        scale = np.linalg.norm(j, axis=0)
+        if not np.all(np.isfinite(j)) or not np.all(scale > 0):
+            break
+        q, upper = np.linalg.qr(j / scale)
+        along = q.T @ r
+        if not np.linalg.norm(along) < part:
+            break
+        best, part = x, float(np.linalg.norm(along))
+        if abs(np.diag(upper)).min() < 1e-14:
+            break
+        x = x - np.linalg.solve(upper, along) / scale
+        # A bound, or a step that is none of the last digits: the trust region knew better.
+        if np.any((x <= low) | (x >= high)) or np.sum(residuals(x) ** 2) > np.sum(r**2) * (1 + 1e-10):
+            break
+    return best
+
+
+def _jacobian(
+    residuals: Callable[[FloatArray], FloatArray], x: FloatArray, low: FloatArray, high: FloatArray
+) -> FloatArray:
+    """dr/dx, shape (N, P): central differences of fourth order, in steps that roundoff and truncation share.
+
+    Relative steps, so that a parameter of 1e-6 is as welcome as one of 1e6; shorter where a bound is near.
+    """
+    columns = []
+    for j in range(len(x)):
+        step = _RELATIVE_STEP * (abs(x[j]) or 1.0)
+        step = min(step, max(0.4 * min(x[j] - low[j], high[j] - x[j]), 1e-14 * (abs(x[j]) or 1.0)))
+        moved = np.tile(x, (4, 1))
+        moved[:, j] += step * np.array([1.0, -1.0, 2.0, -2.0])
+        a, b, c, d = (residuals(y) for y in moved)
+        columns.append((8 * (a - b) - (c - d)) / (12 * step))
+    return np.stack(columns, axis=1)
 
 
 def better(first: Basin, second: Basin) -> Basin:

@@ -8,17 +8,24 @@ its steps did not come to rest, and searches the whole range where no basin has 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.inference import optimize, starts
-from reflectance_fit.inference.forward import ETA, K, predict_vectors
-from reflectance_fit.inference.gauss_newton import curvature_at, descend
+from reflectance_fit.inference.forward import ETA, FIRST_SIGMA, K, predict_vectors
+from reflectance_fit.inference.gauss_newton import descend_all
 from reflectance_fit.inference.likelihood import deviances, evaluate
 from reflectance_fit.inference.models import Model
-from reflectance_fit.inference.normal_equations import Problem, objective, objectives, problem_of
+from reflectance_fit.inference.normal_equations import (
+    Problem,
+    normal_equations,
+    objective,
+    objectives,
+    problem_of,
+)
 from reflectance_fit.inference.rows import CODES, Rows
 from reflectance_fit.observations import Quantity
 from reflectance_fit.result import Optimum
@@ -26,7 +33,10 @@ from reflectance_fit.result import Optimum
 FloatArray = NDArray[np.float64]
 
 _STARTS, _CLOSED = 5, 2
-# Basins whose objectives differ by less than this and that lie within as many standard deviations are one.
+# Where there is doubt: the lowest of all points, and one of so many of the grid.
+_MORE, _EVERY = 40, 5
+_RIVAL = 4.0
+# Minima whose objectives differ by no more may be one.
 _SAME = 1e-3
 
 
@@ -38,75 +48,94 @@ def find(model: Model, rows: Rows, gains: list[str]) -> tuple[Optimum, list[opti
     priors do not move it.
     """
     problem = problem_of(model, rows)
-    points, nan_count = _starts(model, rows, problem)
+    first, more, nan_count = _starts(model, rows, problem)
     ran = ["grid, closed forms, Gauss-Newton"]
-    basins = _distinct(rows, problem, [_descended(rows, problem, x) for x in points])
+    basins = _descended(rows, problem, first)
+    if _doubtful(model, rows, basins):
+        basins = _descended(rows, problem, np.concatenate([first, more]))
+        ran[0] += " from many starts"
     if basins and not (problem.exact and basins[0].converged):
         basins[0] = _last_word(rows, problem, basins[0])
         ran.append("nlopt LN_BOBYQA" if len(model.names) > 1 else "nlopt LN_SBPLX")
     if not any(basin.converged for basin in basins):
-        centre = basins[0].x if basins else problem.low + 0.5 * (problem.high - problem.low)
+        centre = basins[0].x if basins else 0.5 * (problem.low + problem.high)
         wide = optimize.minimise(
             _scalar(rows, problem), centre, model.ranges, 0.1 * (problem.high - problem.low), "direct"
         )
         if math.isfinite(wide.objective):
-            basins.append(_descended(rows, problem, wide.x, wide))
+            basins.append(optimize.better(wide, *_descended(rows, problem, wide.x[None].copy())))
         ran.append("nlopt GN_DIRECT_L")
     basins = [b for b in basins if math.isfinite(b.objective)]
     if not basins:
         raise ValueError(f"no finite likelihood anywhere for the model {model.name}")
-    basins = [
-        replace(b, curvature=curvature_at(rows, problem, b.x))
-        for b in sorted(basins, key=lambda b: b.objective)
-    ]
+    basins.sort(key=lambda b: b.objective)
     basins[0] = replace(basins[0], nan_count=nan_count + sum(b.nan_count for b in basins))
     return describe(model, rows, gains, basins[0], ", ".join(ran)), basins
 
 
-def _starts(model: Model, rows: Rows, problem: Problem) -> tuple[list[FloatArray], int]:
-    """The lowest local minima of grid and line and the best closed forms; and how many points were NaN."""
+def _starts(model: Model, rows: Rows, problem: Problem) -> tuple[FloatArray, FloatArray, int]:
+    """The lowest local minima of grid and line with the best closed forms; more points; how many were NaN."""
     # Errors of the angles and censored rows matter little for where the basins are, and cost a lot.
     coarse = rows._replace(theta_sigma=np.zeros_like(rows.theta_sigma), errors_in_angle=False)
     points, shape = starts.grid(model)
+    parts = [points, starts.line(model, rows) if ETA in model.places else points[:0]]
+    parts.append(starts.closed_forms(model, rows))
+    points = np.concatenate(parts)
     values = objectives(coarse, problem, points)
-    chosen = [np.ravel_multi_index(i, shape) for i in optimize.grid_minima(values.reshape(shape))]
-    candidates = [(values[i], points[i]) for i in chosen]
-    nan_count = int(np.isinf(values).sum())
-    if ETA in model.places:
-        line = starts.line(model, rows)
-        values = objectives(coarse, problem, line)
-        candidates += [(values[i], line[i]) for (i,) in optimize.grid_minima(values)]
-        nan_count += int(np.isinf(values).sum())
-    closed = starts.closed_forms(model, rows)
-    values = objectives(coarse, problem, closed)
-    candidates += [(values[i], closed[i]) for i in np.argsort(values)[:_CLOSED]]
-    finite = sorted((c for c in candidates if math.isfinite(c[0])), key=lambda c: c[0])
-    return [x for _, x in finite[:_STARTS]], nan_count
+    first, second = len(parts[0]), len(parts[0]) + len(parts[1])
+    chosen = [
+        int(np.ravel_multi_index(i, shape)) for i in optimize.grid_minima(values[:first].reshape(shape))
+    ]
+    chosen += [first + i for (i,) in optimize.grid_minima(values[first:second])]
+    chosen += [second + int(i) for i in np.argsort(values[second:])[:_CLOSED]]
+    chosen = sorted((i for i in chosen if math.isfinite(values[i])), key=lambda i: float(values[i]))
+    lowest = np.argsort(values)[:_MORE]
+    more = np.union1d(lowest[np.isfinite(values[lowest])], np.arange(0, len(parts[0]), _EVERY))
+    return points[chosen[:_STARTS]], points[more], int(np.isinf(values).sum())
 
 
-def _descended(
-    rows: Rows, problem: Problem, start: FloatArray, seen: optimize.Basin | None = None
-) -> optimize.Basin:
-    x = start.copy()
-    value, converged, nan_count = descend(rows, problem, x)
-    found = optimize.Basin(x, value, nan_count, converged)
-    return found if seen is None else optimize.better(found, seen)
+def _doubtful(model: Model, rows: Rows, basins: list[optimize.Basin]) -> bool:
+    """Whether there may be a lower minimum that the first starts missed.
+
+    So where basins rival each other, none has converged, or total reflection puts a corner at every angle.
+    """
+    if not basins or not basins[0].converged:
+        return True
+    eta = model.full(basins[0].x)[0, ETA]
+    reflected = bool(eta < rows.exterior_ior * np.max(np.abs(rows.sin_theta)))
+    return reflected or (len(basins) > 1 and basins[1].objective - basins[0].objective < _RIVAL)
 
 
-def _distinct(rows: Rows, problem: Problem, basins: list[optimize.Basin]) -> list[optimize.Basin]:
-    """Best first, those left out that are another's minimum over again."""
+def _descended(rows: Rows, problem: Problem, points: FloatArray) -> list[optimize.Basin]:
+    """The minima that Gauss-Newton finds, best first, each once."""
+    values, converged, nan_count = descend_all(rows, problem, points)
     kept: list[optimize.Basin] = []
-    for basin in sorted(basins, key=lambda b: b.objective):
-        scale = 1e-6 * (problem.high - problem.low)
-        for other in kept:
-            if basin.objective - other.objective < _SAME:
-                stiff = np.maximum(np.diag(curvature_at(rows, problem, other.x)), 0.0)
-                near = np.abs(basin.x - other.x) <= np.maximum(scale, 0.1 / np.sqrt(stiff + 1e-300))
-                if near.all():
-                    break
-        else:
-            kept.append(basin)
+    for i in np.argsort(values, kind="stable"):
+        x, value = points[i], float(values[i])
+        if math.isfinite(value) and not any(_same(problem, x, value, other) for other in kept):
+            curvature = _curvature(rows, problem, x)
+            kept.append(optimize.Basin(x, value, 0, bool(converged[i]), curvature=curvature))
+    if kept:
+        kept[0] = replace(kept[0], nan_count=nan_count)
     return kept
+
+
+def _same(problem: Problem, x: FloatArray, value: float, other: optimize.Basin) -> bool:
+    """Whether ``x`` is the minimum ``other`` over again: no higher, and within a tenth of a standard deviation."""
+    if value - other.objective > _SAME or other.curvature is None:
+        return False
+    stiff = np.maximum(other.curvature.diagonal(), 1e-300)
+    near = np.maximum(1e-6 * (problem.high - problem.low), 0.1 / np.sqrt(stiff))
+    return bool((np.abs(x - other.x) <= near).all())
+
+
+def _curvature(rows: Rows, problem: Problem, x: FloatArray) -> FloatArray:
+    """Half of the objective's Hessian by Gauss-Newton, shape (P, P): the inverse of a covariance."""
+    whitened, gains = np.empty(len(rows.value)), np.empty(rows.gains)
+    gradient, curvature = np.empty(len(x)), np.empty((len(x), len(x)))
+    objective(rows, problem, x, whitened, gains)
+    normal_equations(rows, problem, x, False, whitened, gains, gradient, curvature)
+    return curvature
 
 
 def _scalar(rows: Rows, problem: Problem) -> optimize.Objective:
@@ -116,14 +145,34 @@ def _scalar(rows: Rows, problem: Problem) -> optimize.Objective:
 
 def _last_word(rows: Rows, problem: Problem, basin: optimize.Basin) -> optimize.Basin:
     """nlopt on the whole objective from where Gauss-Newton came to, in steps of a standard deviation."""
-    stiff = np.maximum(np.diag(curvature_at(rows, problem, basin.x)), 0.0)
+    stiff = np.maximum(_curvature(rows, problem, basin.x).diagonal(), 1e-300)
     width = problem.high - problem.low
-    step = np.clip(1 / np.sqrt(stiff + 1e-300), 1e-9 * width, 0.1 * width)
+    step = np.clip(1 / np.sqrt(stiff), 1e-9 * width, 0.1 * width)
     found = optimize.minimise(
         _scalar(rows, problem), basin.x, np.stack([problem.low, problem.high], axis=1), step
     )
     best = optimize.better(basin, found)
-    return replace(best, converged=basin.converged or found.converged)
+    if problem.exact and problem.places[-1] < FIRST_SIGMA:
+        # A sum of squares: least squares by other steps than ours.
+        polished = optimize.least_squares(_residuals(rows, problem), best.x, (problem.low, problem.high))
+        value = _scalar(rows, problem)(polished.x)
+        best = optimize.better(best, replace(polished, objective=value))
+    return replace(
+        best,
+        converged=best.converged or found.converged,
+        curvature=_curvature(rows, problem, best.x),
+    )
+
+
+def _residuals(rows: Rows, problem: Problem) -> Callable[[FloatArray], FloatArray]:
+    whitened, gains = np.empty(len(rows.value)), np.empty(rows.gains)
+
+    def residuals(x: FloatArray) -> FloatArray:
+        value = objective(rows, problem, x, whitened, gains)
+        penalties = (x - problem.mean) * problem.weight
+        return np.concatenate([whitened if math.isfinite(value) else whitened * math.nan, penalties])
+
+    return residuals
 
 
 def widths(model: Model, rows: Rows, basin: optimize.Basin) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,8 @@ from reflectance_fit.physics.inversion import eta_from_r0, index_from_rho
 
 FloatArray = NDArray[np.float64]
 
-_ETA_POINTS, _K_POINTS, _LINE_POINTS = 14, 10, 40
+_ETA_POINTS, _K_POINTS, _LINE_POINTS = 13, 9, 30
+_BETWEEN = (0.15, 0.6)  # of the way from one critical angle's index to the next
 _MOST_ROWS = 6  # of a kind that give a start each
 _NORMAL = math.cos(math.radians(25))  # within it every reflectance of a dielectric is R0 to a percent or so
 
@@ -26,44 +28,55 @@ def grid(model: Model) -> tuple[FloatArray, tuple[int, ...]]:
 
     Denser towards k = 0, where the reflectances depend on k^2 and weak absorbers live.
     """
-    axes = []
-    free = [j for j, place in enumerate(model.places) if place in (ETA, K)]
-    for j in free:
-        low, high = model.ranges[j]
-        is_k = model.places[j] == K
-        points = (_K_POINTS if is_k else _ETA_POINTS) if len(free) == 2 else _LINE_POINTS
-        spacing = np.linspace(0, 1, points) ** (3 if is_k else 1)
-        axes.append(low + (high - low) * spacing)
-    mesh = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    return _points(model, mesh.reshape(-1, len(free)), free), mesh.shape[:-1]
+    free = _material(model)
+    bounds = model.ranges[free]
+    spacing = [
+        np.linspace(0, 1, (_K_POINTS if is_k else _ETA_POINTS) if len(free) == 2 else _LINE_POINTS)
+        ** (3 if is_k else 1)
+        for is_k in model.places[free] == K
+    ]
+    axes = [low + (high - low) * share for (low, high), share in zip(bounds, spacing, strict=True)]
+    if len(free) == 1:
+        return _points(model, axes[0][:, None], free), axes[0].shape
+    first, second = axes
+    values = np.stack([np.repeat(first, len(second)), np.tile(second, len(first))], axis=1)
+    return _points(model, values, free), (len(first), len(second))
 
 
 def line(model: Model, rows: Rows) -> FloatArray:
-    """Dielectrics in order of eta, (D, P): evenly in log eta, and at and between the critical angles of the rows.
+    """Dielectrics in order of eta, (D, P): evenly in log eta, and between the critical angles of the rows.
 
     With eta < 1 every angle of the data is the critical angle of some eta, where the objective has a corner: it
-    has a minimum of its own between any two of them.
+    may have minima of its own between any two of them, often close above the lower one.
     """
-    low, high = model.ranges[list(model.places).index(ETA)]
+    free = _material(model)
+    at = int(np.flatnonzero(model.places == ETA)[0])
+    low, high = model.ranges[at]
     sines = rows.exterior_ior * np.unique(np.abs(rows.sin_theta))
-    sines = sines[sines > 0]
-    critical = np.concatenate([sines, 0.5 * (sines[1:] + sines[:-1])])
-    spaced = np.linspace(low, high, _LINE_POINTS)
-    eta = np.sort(
-        np.concatenate([spaced, model.priors[list(model.places).index(ETA)].to_coordinate(critical)])
-    )
+    between = np.concatenate([sines[:-1] + share * np.diff(sines) for share in _BETWEEN])
+    between = model.priors[at].to_coordinate(between)
+    eta = np.sort(np.concatenate([np.linspace(low, high, _LINE_POINTS), between]))
     eta = eta[(eta >= low) & (eta <= high)]
-    free = [j for j, place in enumerate(model.places) if place in (ETA, K)]
-    lowest = [model.ranges[j][0] for j in free]
-    return _points(model, np.where(model.places[free] == ETA, eta[:, None], lowest), free)
+    values = np.empty((len(eta), len(free)))
+    for column, j in enumerate(free):
+        values[:, column] = eta if j == at else model.ranges[j][0]
+    return _points(model, values, free)
+
+
+def _material(model: Model) -> list[int]:
+    """The coordinates that are eta and k."""
+    return [j for j, place in enumerate(model.places) if place in (ETA, K)]
 
 
 def closed_forms(model: Model, rows: Rows) -> FloatArray:
     """Points, shape (D, P), from rows that give the index alone or in pairs; D may be 0."""
-    found = [_ellipsometric(rows), _dielectric(rows), _brewster(rows), _normal_incidence(rows)]
+    there = set(rows.code.tolist())
+    found = [form(rows) for form, needed in _FORMS if there & {CODES[quantity] for quantity in needed}]
+    if not found:
+        return np.empty((0, len(model.names)))
     index = rows.exterior_ior * np.concatenate(found)
     index = index[np.isfinite(index).all(axis=1) & (index[:, 0] > 0)]
-    free = [j for j, place in enumerate(model.places) if place in (ETA, K)]
+    free = _material(model)
     columns = [model.priors[j].to_coordinate(index[:, int(model.places[j] == K)]) for j in free]
     return _points(model, np.stack(columns, axis=1), free)
 
@@ -131,7 +144,7 @@ def _dielectric(rows: Rows) -> FloatArray:
 def _brewster(rows: Rows) -> FloatArray:
     """The angle where p is least, taken for Brewster's."""
     found = []
-    for quantity in (Quantity.REFLECTANCE_P, Quantity.SIGNAL_P, Quantity.RATIO_PS, Quantity.PSI_DEG):
+    for quantity in _P_ALONE:
         i = _rows_of(rows, quantity)
         if len(i) > 2:
             least = i[np.argmin(rows.value[i])]
@@ -141,7 +154,7 @@ def _brewster(rows: Rows) -> FloatArray:
 
 def _normal_incidence(rows: Rows) -> FloatArray:
     """An absolute reflectance near the normal: both dielectrics with this R0."""
-    codes = [CODES[q] for q in (Quantity.REFLECTANCE, Quantity.REFLECTANCE_S, Quantity.REFLECTANCE_P)]
+    codes = [CODES[q] for q in (Quantity.REFLECTANCE, *_ABSOLUTE)]
     near = np.flatnonzero(np.isin(rows.code, codes) & (rows.cos_theta > _NORMAL) & ~rows.censored)
     if len(near) == 0:
         return np.empty((0, 2))
@@ -151,3 +164,14 @@ def _normal_incidence(rows: Rows) -> FloatArray:
 
 def _transparent(eta: FloatArray) -> FloatArray:
     return np.stack([eta, np.zeros_like(eta)], axis=1)
+
+
+_ABSOLUTE = (Quantity.REFLECTANCE_S, Quantity.REFLECTANCE_P)
+_P_ALONE = (Quantity.REFLECTANCE_P, Quantity.SIGNAL_P, Quantity.RATIO_PS, Quantity.PSI_DEG)
+# Each closed form and the quantities of which it needs one at least.
+_FORMS: tuple[tuple[Callable[[Rows], FloatArray], tuple[Quantity, ...]], ...] = (
+    (_ellipsometric, (Quantity.DELTA_DEG,)),
+    (_dielectric, (Quantity.REFLECTANCE_S, Quantity.RATIO_PS, Quantity.DOLP, Quantity.PSI_DEG)),
+    (_brewster, _P_ALONE),
+    (_normal_incidence, (Quantity.REFLECTANCE, *_ABSOLUTE)),
+)

@@ -58,6 +58,72 @@ def test_grid_minima_are_all_and_only_the_local_ones():
     assert len(optimize.grid_minima(plane)) == 4
 
 
+GOLD = np.array([[-2.0, 2.0]] * 2)
+
+
+def two_wells(x):
+    """The lower well is at (-1.01, 0.3), and a local search from the right ends in the other one."""
+    return float((x[0] ** 2 - 1) ** 2 + 0.1 * x[0] + (x[1] - 0.3) ** 2)
+
+
+def slope_of_two_wells(x):
+    return np.array([4 * x[0] * (x[0] ** 2 - 1) + 0.1, 2 * (x[1] - 0.3)])
+
+
+@pytest.mark.parametrize("method", optimize.METHODS)
+def test_every_rung_ends_in_a_minimum_and_the_global_ones_in_the_lowest(method):
+    start = np.array([1.5, -1.0])
+    found = optimize.minimise(two_wells, start, GOLD, np.array([0.2, 0.2]), method, slope_of_two_wells)
+    assert slope_of_two_wells(found.x) == pytest.approx([0.0, 0.0], abs=1e-4)
+    assert found.converged
+    assert (found.x[0] < 0) == (method in ("direct", "crs", "mlsl"))
+
+
+@pytest.mark.parametrize("method", optimize.METHODS)
+def test_no_rung_takes_a_wall_for_a_minimum(method):
+    """The true minimum lies behind the wall; whatever is best on this side of it is no minimum."""
+
+    def walled(x):
+        return two_wells(x) if x[0] + 0.3 * x[1] > -0.5 and x[0] < 0.7 else np.nan
+
+    found = optimize.minimise(
+        walled, np.array([0.5, 0.5]), GOLD, np.array([0.2, 0.2]), method, slope_of_two_wells
+    )
+    assert found.nan_count > 0
+    assert found.objective == walled(found.x)
+    assert not found.converged
+
+
+def test_slsqp_asks_for_the_gradient():
+    with pytest.raises(ValueError, match="gradient"):
+        optimize.minimise(two_wells, np.zeros(2), GOLD, np.full(2, 0.1), "slsqp")
+
+
+def test_least_squares_to_the_last_digits():
+    """A parameter of 1e-6 beside one of 1e6, without a Jacobian; the same inside bounds, and on one."""
+    t = np.linspace(0.0, 3.0, 30)
+    truth = np.array([2e6, 3e-6])
+
+    def residuals(b):
+        return b[0] * np.exp(-t) + b[1] * 1e12 * t**2 - (truth[0] * np.exp(-t) + truth[1] * 1e12 * t**2)
+
+    for bounds in (None, (np.zeros(2), np.array([1e7, 1.0]))):
+        found = optimize.least_squares(residuals, np.array([1e5, 1e-5]), bounds)
+        assert found.converged
+        assert found.x == pytest.approx(truth, rel=1e-12)
+    held = optimize.least_squares(residuals, np.array([1e5, 1e-5]), (np.zeros(2), np.array([1e6, 1.0])))
+    assert held.x[0] == pytest.approx(1e6, rel=1e-6)
+
+
+def test_least_squares_counts_nan():
+    found = optimize.least_squares(lambda b: np.sqrt(b) - np.array([0.0, 2.0]), np.array([1.0, 9.0]))
+    assert found.x[1] == pytest.approx(4.0)
+    assert found.nan_count >= 0
+    walled = optimize.least_squares(lambda b: np.full(3, np.nan), np.array([1.0, 2.0]))
+    assert walled.nan_count > 0
+    assert not walled.converged
+
+
 def noise_free(rows_of, eta, k, kind):
     if kind == "ellipsometer":
         theta = np.array([60.0, 65.0, 70.0, 75.0])
