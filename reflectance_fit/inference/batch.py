@@ -93,8 +93,16 @@ def _add_model(
     for d in range(count):
         c, s = c0 * cos_offset[d] - s0 * sin_offset[d], s0 * cos_offset[d] + c0 * sin_offset[d]
         reflection = interface(max(c, 0.0), s, eta[d], k[d])
-        light = (given[0], given[1] + unpolarized * block[6, d], given[2] + unpolarized * block[7, d], given[3])
-        analyzer = axis[0] * block[4, d] - axis[1] * block[5, d], axis[1] * block[4, d] + axis[0] * block[5, d]
+        light = (
+            given[0],
+            given[1] + unpolarized * block[6, d],
+            given[2] + unpolarized * block[7, d],
+            given[3],
+        )
+        analyzer = (
+            axis[0] * block[4, d] - axis[1] * block[5, d],
+            axis[1] * block[4, d] + axis[0] * block[5, d],
+        )
         passed = analyzer_signal(reflection, light, analyzer, retarder, diattenuation * block[8, d])
         out[d] += scale * passed
 

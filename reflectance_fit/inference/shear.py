@@ -100,4 +100,3 @@ def shear_at(scores: Scores, log_density: LogDensity, c: Component) -> Shear:
     if not np.isfinite(slopes).all():
         return found
     return Shear(scores, moved, bent, squared, slopes, origin)
-
