@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -226,7 +225,7 @@ def test_a_full_disk_stops_with_one_line_and_loses_no_block(
     assert str(tmp_path / checkpoint.FOLDER) in line
     assert "No space left on device" in line
     assert "--resume" in line
-    assert len(checkpoint._valid(only_chain(tmp_path).read_bytes())[0]) == (nth if nth > 1 else 1)
+    assert len(checkpoint._valid(only_chain(tmp_path).read_bytes())[0]) == (max(1, nth))
     assert fit(source, tmp_path, resume=True) == uninterrupted
 
 
@@ -251,16 +250,23 @@ def test_a_block_survives_its_bytes():
 
 def test_an_appended_block_follows_the_last_valid_one(tmp_path):
     block = Block(*(np.arange(n, dtype=float) for n in range(1, 8)))
-    with pytest.raises(KeyboardInterrupt), keeping(tmp_path / "c", resume=False):
-        journal = Journal("0", b"job")
-        journal.append(block)
-        journal.append(block)
-        raise KeyboardInterrupt
-    path = Path(tmp_path / "c" / "0.chain")
+
+    def appended(times, *, resume):
+        """What stood there before; the run ends in an interrupt."""
+        with keeping(tmp_path / "c", resume=resume):
+            journal = Journal("0", b"job")
+            earlier = len(journal.blocks)
+            for _ in range(times):
+                journal.append(block)
+            kept.append(earlier)
+            raise KeyboardInterrupt
+
+    kept: list[int] = []
+    with pytest.raises(KeyboardInterrupt):
+        appended(2, resume=False)
+    path = tmp_path / "c" / "0.chain"
     path.write_bytes(path.read_bytes()[:-3])
-    with pytest.raises(KeyboardInterrupt), keeping(tmp_path / "c", resume=True):
-        journal = Journal("0", b"job")
-        assert len(journal.blocks) == 1
-        journal.append(block)
-        raise KeyboardInterrupt
+    with pytest.raises(KeyboardInterrupt):
+        appended(1, resume=True)
+    assert kept == [0, 1]
     assert len(checkpoint._valid(path.read_bytes())[0]) == 3
