@@ -229,6 +229,36 @@ def test_a_full_disk_stops_with_one_line_and_loses_no_block(
     assert fit(source, tmp_path, resume=True) == uninterrupted
 
 
+def test_ctrl_c_tells_the_command_that_continues(source, tmp_path, uninterrupted, monkeypatch):
+    from click.testing import CliRunner
+
+    from reflectance_fit.cli.main import cli
+
+    out = tmp_path / "my result"
+    given = ["fit", str(source), "-o", str(out), "--model", "conductor", "--no-plots", "--no-timings"]
+    monkeypatch.setattr(sys, "argv", ["reflectance-fit", *given])
+    append, calls = Journal.append, []
+
+    def interrupted(journal, block):
+        append(journal, block)
+        calls.append(None)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Journal, "append", interrupted)
+        result = CliRunner().invoke(cli, given)
+    assert result.exit_code == 130
+    *_, hint, command = result.stderr.splitlines()
+    assert "what was sampled is kept" in hint
+    assert (
+        command
+        == f"  reflectance-fit fit {source} -o '{out}' --model conductor --no-plots --no-timings --resume"
+    )
+    assert CliRunner().invoke(cli, [*given, "--resume"]).exit_code == 0
+    assert {name: (out / name).read_bytes() for name in uninterrupted} == uninterrupted
+
+
 def test_a_block_survives_its_bytes():
     generator = np.random.default_rng(0)
     block = Block(
