@@ -7,7 +7,7 @@ from typing import Literal
 
 import click
 
-from .options import out_folder_option, output_options, seed_option
+from .options import out_folder_option, output_options, resumable, seed_option
 
 
 @click.command()
@@ -25,6 +25,7 @@ from .options import out_folder_option, output_options, seed_option
     type=click.Choice(["emcee", "importance", "laplace"]),
     help="How to sample. Default: emcee, and importance above 16 channels; where its own test fails, emcee.",
 )
+@click.option("--resume", is_flag=True, help="Continue a run that was stopped, from what it left in DIR.")
 @click.option("--no-plots", is_flag=True, help="Write no pictures.")
 @click.option("--no-timings", is_flag=True, help="Leave wall-clock figures out of report.yaml.")
 @seed_option
@@ -34,6 +35,7 @@ def fit(
     out: Path,
     model: str,
     posterior: Literal["emcee", "importance", "laplace"] | None,
+    resume: bool,
     no_plots: bool,
     no_timings: bool,
     seed: int,
@@ -50,13 +52,14 @@ def fit(
         reflectance-fit fit measurement.yaml -o result
         reflectance-fit fit capture.yaml -o result
         reflectance-fit fit obs.nc -o result --posterior importance
+        reflectance-fit fit measurement.yaml -o result --resume
     """
     from reflectance_fit.workflow import fit_to_folder
 
     from .progress import progress
     from .tables import print_result
 
-    with progress() as report:
+    with resumable(out), progress() as report:
         result = fit_to_folder(
             source,
             out,
@@ -66,5 +69,6 @@ def fit(
             plots=not no_plots,
             timings=not no_timings,
             progress=report,
+            resume=resume,
         )
     print_result(result.report, out)

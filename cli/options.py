@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -64,6 +65,21 @@ def _this_command() -> str:
     import shlex
 
     return shlex.join(["reflectance-fit", *sys.argv[1:]])
+
+
+@contextmanager
+def resumable(folder: Path) -> Iterator[None]:
+    """Where an interrupted run left chains in ``folder``, say how to continue it instead of starting again."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if not (folder / ".checkpoint").exists():
+            raise
+        LOGGER.error("interrupted")
+        command = _this_command().removesuffix(" --resume")
+        click.echo(f"Interrupted; what was sampled is kept in {folder}. Continue with:", err=True)
+        click.echo(f"  {command} --resume", err=True)
+        click.get_current_context().exit(130)
 
 
 class _Terminal(logging.Handler):

@@ -21,6 +21,7 @@ from reflectance_fit.capture.read import read_capture
 from reflectance_fit.capture.truth import Truth
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.files import check_writable, write_together, write_whole
+from reflectance_fit.inference import checkpoint
 from reflectance_fit.inference.ladder import METHODS, Method
 from reflectance_fit.inference.predict import predictor
 from reflectance_fit.inference.run import MODELS, fit_channel
@@ -222,13 +223,19 @@ def fit_to_folder(
     timings: bool,
     progress: Progress,
     posterior: Method | None = None,
+    resume: bool = False,
 ) -> FitResult:
-    """``fit`` and ``FitResult.write``; an unwritable folder is told before the work, not after."""
+    """``fit`` and ``FitResult.write``; an unwritable folder is told before the work, not after.
+
+    What emcee has sampled is kept in the folder until all is written; with
+    ``resume`` a run that was stopped continues from there.
+    """
     check_writable(folder)
     if plots:
         check_writable(folder / "plots")
-    result = fit(source, model=model, posterior=posterior, seed=seed, timings=timings, progress=progress)
-    result.write(folder, plots=plots, progress=progress)
+    with checkpoint.keeping(folder / checkpoint.FOLDER, resume=resume):
+        result = fit(source, model=model, posterior=posterior, seed=seed, timings=timings, progress=progress)
+        result.write(folder, plots=plots, progress=progress)
     return result
 
 

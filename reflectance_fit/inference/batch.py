@@ -75,7 +75,7 @@ def _add_model(
     count = out.shape[0]
     eta, k, cos_offset, sin_offset = block[0], block[1], block[2], block[3]
     c0, s0 = incidence
-    if code == _RATIO or code == _DOLP_VALUE:
+    if code > LAST_POWER:
         for d in range(count):
             c, s = c0 * cos_offset[d] - s0 * sin_offset[d], s0 * cos_offset[d] + c0 * sin_offset[d]
             r_s, r_p, _, _ = interface(max(c, 0.0), s, eta[d], k[d])

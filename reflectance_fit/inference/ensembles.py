@@ -51,7 +51,7 @@ class SeparateEnsembles(emcee.moves.Move):  # type: ignore[misc]
             own = moving.ravel()
             stretch = gamma * (1 + _JITTER * random.standard_normal((len(own), 1)))
             tried = state.coords[own] + stretch * (state.coords[b] - state.coords[c])
-            density, _ = model.compute_log_prob_fn(tried)
+            density = model.log_prob_fn(tried)
             # The logarithm of a uniform number is minus an exponential one.
             better = density - state.log_prob[own] > -random.standard_exponential(len(own))
             state.coords[own[better]] = tried[better]

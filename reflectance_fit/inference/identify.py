@@ -18,6 +18,7 @@ AT_BOUND = 0.1
 # Two clusters of draws are two modes where the gap between them exceeds this many
 # times the wider cluster's standard deviation and each holds a hundredth of the draws.
 MODE_GAP, MODE_SHARE = 3.0, 0.01
+MOST_MODES = 6
 
 
 def interval(draws: FloatArray, prior: Prior | None = None, *, bounded: bool = False) -> Interval:
@@ -52,11 +53,21 @@ def _share(prior: Prior, low: float, high: float) -> float:
 
 
 def _modes(x: FloatArray) -> tuple[float, ...]:
-    """Medians of the two clusters left and right of the widest gap in sorted draws, if it parts them."""
-    margin = max(int(MODE_SHARE * len(x)), 2)
-    gaps = np.diff(x[margin - 1 : len(x) - margin + 1])
-    cut = margin + int(np.argmax(gaps))
-    left, right = x[:cut], x[cut:]
-    if gaps.max() <= MODE_GAP * max(left.std(), right.std()) or gaps.max() == 0:
-        return ()
-    return float(np.median(left)), float(np.median(right))
+    """Medians of the clusters of sorted draws that gaps part; none where there is one cluster."""
+    least = max(int(MODE_SHARE * len(x)), 2)
+    gaps = np.diff(x)
+    # The widest gaps that leave enough draws on both sides: a few strays are no cluster.
+    cuts: list[int] = []
+    for cut in np.argsort(-gaps, kind="stable")[: 2 * least + MOST_MODES] + 1:
+        edges = [0, *sorted([*cuts, int(cut)]), len(x)]
+        if len(cuts) < MOST_MODES - 1 and min(np.diff(edges)) >= least:
+            cuts.append(int(cut))
+    while cuts:
+        places = sorted(cuts)
+        clusters = np.split(x, places)
+        widths = np.array([cluster.std() for cluster in clusters])
+        needed = MODE_GAP * np.maximum(widths[:-1], widths[1:])
+        if np.all(gaps[np.array(places) - 1] > needed):
+            return tuple(float(np.median(cluster)) for cluster in clusters)
+        cuts.pop()  # the narrowest
+    return ()

@@ -125,12 +125,27 @@ def _components(
         z[scores.scored] = np.clip(np.nan_to_num(z[scores.scored]), -_FAR, _FAR)
         if any(_same_material(scores, c, z) for c in found):
             continue
-        width = laplace.first_widths(log_density, z, scores.ranges)
+        known = _factor(scores, basin)
+        width = laplace.first_widths(log_density, z, scores.ranges) if known is None else known
         mass, component = laplace.at_basin(log_density, z, width, scores.ranges)
         if not any(_same_material(scores, c, component.centre) for c in found):
             masses.append(mass)
             found.append(component)
     return proposal.mixture(masses, found)
+
+
+def _factor(scores: Scores, basin: Basin) -> FloatArray | None:
+    """A factor of the covariance of scores, shape (P, P), from the curvature that the search left, if it did."""
+    curvature = getattr(basin, "curvature", None)
+    if curvature is None or len(scores.bent):
+        return None
+    sigma = np.array(
+        [p.sigma if own else 1.0 for p, own in zip(scores.model.priors, scores.scored, strict=True)]
+    )
+    try:
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(curvature * np.outer(sigma, sigma))).T)
+    except np.linalg.LinAlgError:
+        return None
 
 
 def _same_material(scores: Scores, component: proposal.Component, z: FloatArray) -> bool:

@@ -14,7 +14,9 @@ import emcee
 import numpy as np
 from numpy.typing import NDArray
 
+from reflectance_fit import __version__
 from reflectance_fit.inference import batch
+from reflectance_fit.inference.checkpoint import Block, Journal
 from reflectance_fit.inference.ensembles import SeparateEnsembles
 from reflectance_fit.inference.models import Model
 from reflectance_fit.inference.rows import Rows
@@ -23,7 +25,7 @@ from reflectance_fit.result import Chains, Posterior
 FloatArray = NDArray[np.float64]
 
 ENSEMBLES = 4
-WALKERS = 64  # an ensemble; more make a step dearer without making it better
+WALKERS = 128  # an ensemble; of 64 to 256, the most independent draws a second
 BLOCK = 125  # steps between two looks at convergence
 MAX_STEPS = 8000
 MIN_ESS = 4000.0
@@ -31,8 +33,8 @@ LIMIT_ESS = 1000.0  # for a quantile that only bounds: its own error is then 4 %
 MAX_RHAT = 1.01
 # Half of emcee's rule for a single ensemble, because four are compared and R-hat and ESS judge too.
 STEPS_PER_TAU = 25
-KEPT_DRAWS = 80  # a walker, evenly thinned; more would repeat correlated draws
-_TAU_POINTS = 8
+KEPT_DRAWS = 40  # a walker, evenly thinned; more would repeat correlated draws
+_TAU_POINTS, _TAU_WALKERS = 8, 32
 _TEMPERATURE = 10.0
 
 
@@ -60,55 +62,102 @@ def sample(
     density = log_density(candidates)
     bits = np.random.MT19937(np.random.SeedSequence(seed))
     generator = np.random.Generator(bits)
-    first = [_first_walkers(candidates, density, walkers, generator) for _ in range(ENSEMBLES)]
+    first = np.concatenate(
+        [_first_walkers(candidates, density, walkers, generator) for _ in range(ENSEMBLES)]
+    )
     sampler = emcee.EnsembleSampler(
         ENSEMBLES * walkers, dimensions, log_density, vectorize=True, moves=_moves()
     )
-    state = emcee.State(np.concatenate(first), random_state=np.random.RandomState(bits).get_state())
+    state = emcee.State(first, random_state=np.random.RandomState(bits).get_state())
+    # The densities of the first walkers stand for the data.
+    settings = (
+        __version__,
+        emcee.__version__,
+        model.name,
+        model.names,
+        model.priors,
+        seed,
+        min_ess,
+        MAX_STEPS,
+    )
+    job = (
+        repr((*settings, BLOCK, MAX_RHAT, STEPS_PER_TAU)).encode()
+        + first.tobytes()
+        + log_density(first).tobytes()
+    )
+    journal = Journal("-".join(map(str, seed)), job)
+    earlier = iter(journal.blocks)
+    blocks: list[Block] = []
 
-    steps, burn_in = 0, 0
     while True:
-        # The first block is burnt, so it comes with a second.
-        block = BLOCK if steps else 2 * BLOCK
-        state = sampler.run_mcmc(state, block, progress=False)
-        steps += block
+        block = next(earlier, None)
+        if block is None:
+            # The first block is burnt, so it comes with a second.
+            block = _advance(sampler, state, BLOCK if blocks else 2 * BLOCK)
+            journal.append(block)
+        state = _state(block)
+        blocks.append(block)
+        # (step, walker, parameter)
+        whole = np.concatenate([b.chain for b in blocks])
+        steps = len(whole)
         if progress:
             progress(steps, MAX_STEPS)
         burn_in = max(steps // 3, BLOCK)
         # (walker, step, parameter) without burn-in; the walkers of an ensemble follow one another.
-        chains = sampler.get_chain(discard=burn_in).transpose(1, 0, 2)
+        chains = whole[burn_in:].transpose(1, 0, 2)
         ess, rhat = _diagnose(model, chains)
-        # Every eighth walker: the estimate averages over walkers, and the transforms take time.
-        whole = sampler.get_chain()[:, ::8]
-        long_enough = steps >= STEPS_PER_TAU * _tau(whole)
+        # Of some walkers: the estimate averages over them, and the transforms take time.
+        some = whole[:, :: ENSEMBLES * walkers // _TAU_WALKERS]
+        long_enough = steps >= STEPS_PER_TAU * _tau(some)
         converged = long_enough and min(ess.values()) >= min_ess and max(rhat.values()) <= MAX_RHAT
         if converged or steps >= MAX_STEPS:
             break
 
     kept = np.linspace(0, chains.shape[1] - 1, min(KEPT_DRAWS, chains.shape[1])).round().astype(int)
     thinned = chains[:, kept]
-    tau_steps, tau = _tau_curve(whole)
+    tau_steps, tau = _tau_curve(some)
     # (ensemble, step, parameter)
-    mean_walker = np.stack(np.split(sampler.get_chain(), ENSEMBLES, axis=1)).mean(axis=2)
+    mean_walker = np.stack(np.split(whole, ENSEMBLES, axis=1)).mean(axis=2)
     return Posterior(
         model=model.name,
         method="emcee",
         names=model.names,
         samples=model.samples(thinned),
-        log_density=sampler.get_log_prob(discard=burn_in).T[:, kept],
+        log_density=np.concatenate([b.log_density for b in blocks])[burn_in:].T[:, kept],
         ensemble=np.repeat(np.arange(ENSEMBLES), walkers),
         ess=ess,
         converged=converged,
         chains=Chains(
             steps=steps,
             burn_in=burn_in,
-            acceptance=float(sampler.acceptance_fraction.mean()),
+            acceptance=sum(float(b.accepted.mean()) for b in blocks) / steps,
             rhat_nested=rhat,
             tau_steps=tau_steps,
             tau=tau,
             trace=np.stack(list(model.in_report_units(mean_walker).values()), axis=-1),
         ),
     )
+
+
+def _advance(sampler: emcee.EnsembleSampler, state: emcee.State, steps: int) -> Block:
+    sampler.reset()
+    after = sampler.run_mcmc(state, steps, progress=False)
+    _, key, position, has_gauss, gauss = after.random_state
+    return Block(
+        chain=sampler.get_chain(),
+        log_density=sampler.get_log_prob(),
+        accepted=sampler.backend.accepted.astype(np.int64),
+        key=key,
+        position=np.array(position),
+        has_gauss=np.array(has_gauss),
+        gauss=np.array(gauss),
+    )
+
+
+def _state(block: Block) -> emcee.State:
+    """Where the next block starts."""
+    random = ("MT19937", block.key, int(block.position), int(block.has_gauss), float(block.gauss))
+    return emcee.State(block.chain[-1], log_prob=block.log_density[-1], random_state=random)
 
 
 def log_posterior(model: Model, rows: Rows) -> Callable[[FloatArray], FloatArray]:

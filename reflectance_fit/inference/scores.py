@@ -38,6 +38,8 @@ class Scores:
     def __init__(self, model: Model) -> None:
         self.model = model
         self.scored = np.array([name in NUISANCES for name in model.names])
+        #: Of each score, shape (P, 2).
+        self.ranges = np.where(self.scored[:, None], [-np.inf, np.inf], model.ranges)
         self._unscored = np.flatnonzero(~self.scored)
         self._pair = _pair(model)
         self._single = [
@@ -47,11 +49,6 @@ class Scores:
         bent = [j for j, prior in self._single if not _linear(prior)]
         #: Indices of the scores that are no linear function of the nuisance.
         self.bent = np.array([*bent, *(self._pair or ())], dtype=np.int64)
-
-    @property
-    def ranges(self) -> FloatArray:
-        """Of each score, shape (P, 2)."""
-        return np.where(self.scored[:, None], [-np.inf, np.inf], self.model.ranges)
 
     def to_model(self, z: FloatArray) -> FloatArray:
         x = z.copy()
@@ -130,11 +127,10 @@ def _to_score(prior: Prior, x: FloatArray) -> FloatArray:
     return np.where(below < beyond, ndtri(below), -ndtri(beyond))
 
 
-def _normal_bounds(prior: Prior) -> tuple[float, float, float, float]:
-    """Phi and 1 - Phi of the lower and of the upper bound."""
-    low, high = ((bound - prior.mean) / prior.sigma for bound in (prior.low, prior.high))
-    phi = [0.5 * math.erfc(-bound / math.sqrt(2.0)) for bound in (low, -low, high, -high)]
-    return phi[0], phi[1], phi[2], phi[3]
+def _normal_bounds(prior: Prior) -> tuple[float, float, float]:
+    """Phi of the lower bound, Phi and 1 - Phi of the upper one."""
+    low, high = ((bound - prior.mean) / prior.sigma / math.sqrt(2.0) for bound in (prior.low, prior.high))
+    return 0.5 * math.erfc(-low), 0.5 * math.erfc(-high), 0.5 * math.erfc(high)
 
 
 def _quantile(prior: Prior, below: FloatArray, beyond: FloatArray) -> FloatArray:
@@ -148,7 +144,7 @@ def _quantile(prior: Prior, below: FloatArray, beyond: FloatArray) -> FloatArray
     if prior.kind == "uniform":
         width = prior.high - prior.low
         return np.where(upper, prior.high - width * beyond, prior.low + width * below)
-    low_in, low_out, high_in, high_out = _normal_bounds(prior)
+    low_in, high_in, high_out = _normal_bounds(prior)
     mass = high_in - low_in
     share = np.where(upper, high_out + mass * beyond, low_in + mass * below)
     x = prior.mean + np.where(upper, -prior.sigma, prior.sigma) * ndtri(share)
@@ -168,6 +164,6 @@ def _tails(prior: Prior, x: FloatArray) -> tuple[FloatArray, FloatArray]:
     if prior.kind == "uniform":
         width = prior.high - prior.low
         return (x - prior.low) / width, (prior.high - x) / width
-    low_in, low_out, high_in, high_out = _normal_bounds(prior)
+    low_in, high_in, high_out = _normal_bounds(prior)
     u, mass = (x - prior.mean) / prior.sigma, high_in - low_in
     return np.maximum(ndtr(u) - low_in, 0.0) / mass, np.maximum(ndtr(-u) - high_out, 0.0) / mass

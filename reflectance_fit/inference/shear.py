@@ -85,7 +85,7 @@ def shear_at(scores: Scores, log_density: LogDensity, c: Component) -> Shear:
     inside = precision[np.ix_(moved, moved)]
     along = -np.linalg.solve(inside, precision[np.ix_(moved, scores.bent)])
     own = found.rates(c.centre)[: len(scores.bent), : len(scores.bent)]
-    slopes = np.linalg.solve(own.T, along.T).T
+    slopes: FloatArray = np.asarray(np.linalg.solve(own.T, along.T).T, dtype=float)
     if squared is not None:
         # A standard deviation up in k the slope is no longer 0: what makes it so again, over the change of k^2.
         higher = c.centre.copy()

@@ -52,5 +52,19 @@ def test_two_clusters_are_two_modes(generator):
     assert interval(strays, ETA).status == "identified"
 
 
+@pytest.mark.parametrize("centres", [(1.0, 2.0, 3.0), (0.3, 0.5, 3.0), (0.5, 1.0, 1.5, 4.0)])
+def test_every_cluster_is_a_mode_however_they_lie(generator, centres):
+    """Equally spaced ones, too: no pair of them is narrower than the gap to the third."""
+    draws = np.concatenate([generator.normal(c, 0.01, 500 * (i + 1)) for i, c in enumerate(centres)])
+    found = interval(generator.permutation(draws), ETA)
+    assert found.status == "multimodal"
+    assert found.modes == pytest.approx(centres, abs=0.01)
+
+
+def test_one_broad_cluster_beside_a_narrow_one_is_told_by_the_broad_one_s_width(generator):
+    narrow, broad = generator.normal(1.0, 0.001, 1000), generator.uniform(1.1, 2.0, 1000)
+    assert interval(np.concatenate([narrow, broad]), ETA).status == "identified"
+
+
 def test_an_angle_that_does_not_exist_is_not_identified():
     assert interval(np.array([0.5, np.nan])).status == "not_identified"

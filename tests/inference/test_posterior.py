@@ -67,7 +67,9 @@ def test_the_run_says_how_far_to_trust_it(drawn):
     assert min(drawn.ess.values()) >= posterior.MIN_ESS
     assert max(drawn.chains.rhat_nested.values()) <= posterior.MAX_RHAT
     assert drawn.chains.steps >= posterior.STEPS_PER_TAU * drawn.chains.tau[-1]
-    assert drawn.samples["eta"].shape == drawn.log_density.shape == (len(drawn.ensemble), 80)
+    assert (
+        drawn.samples["eta"].shape == drawn.log_density.shape == (len(drawn.ensemble), posterior.KEPT_DRAWS)
+    )
     assert drawn.ensembles == posterior.ENSEMBLES
     assert np.all(drawn.samples["k"] >= 0)
 
