@@ -135,10 +135,11 @@ def likely_by_chance(larger: Tried, chance: float) -> float:
     """
     from scipy.stats import chi2, f
 
-    if not np.any(larger.rows.estimated >= 0):
+    sigmas = int(np.max(larger.rows.estimated)) + 1
+    if not sigmas:
         return float(chi2.isf(chance, 1))
     n = len(larger.optimum.residuals)
-    free = n - larger.parameters
+    free = n - (larger.parameters - sigmas)
     return n * math.log1p(f.isf(chance, 1, free) / free) if free > 0 else math.inf
 
 

@@ -127,8 +127,7 @@ def test_the_threshold_has_the_chance_that_it_is_named_for(estimated):
     rows = SimpleNamespace(estimated=np.full(n, 0 if estimated else -1))
     larger = SimpleNamespace(rows=rows, parameters=parameters, optimum=SimpleNamespace(residuals=np.zeros(n)))
     rate = np.mean(fall > choice.likely_by_chance(larger, chance))
-    # Where sigma is a parameter, one direction more is free than f = n - p says: a little strict.
-    assert 0.6 * chance < rate < chance * (1 + 4 * np.sqrt((1 - chance) / chance / scenes))
+    assert rate == pytest.approx(chance, abs=4 * np.sqrt(chance * (1 - chance) / scenes))
 
 
 def test_k_is_rarely_seen_where_there_is_none(rows_of, priors):

@@ -47,6 +47,11 @@ def test_glass_is_a_dielectric_with_an_upper_limit_on_k(rows_of, priors):
     assert found.optimum.model == "dielectric"
     assert found.chosen_because.startswith("k adds nothing")
     assert [c.name for c in found.candidates] == ["dielectric", "conductor"]
+    assert found.loo.rival == "conductor"
+    assert found.loo.agrees
+    assert found.loo.elpd_difference == pytest.approx(
+        found.candidates[0].elpd_loo - found.candidates[1].elpd_loo, abs=1e-9
+    )
     assert found.intervals["k"].status == "upper_limit"
     assert 0 < found.intervals["k"].ci95[1] < 0.3
     eta = found.intervals["eta"]
@@ -56,6 +61,35 @@ def test_glass_is_a_dielectric_with_an_upper_limit_on_k(rows_of, priors):
     np.testing.assert_allclose(
         found.derived["brewster_deg"], np.degrees(np.arctan(found.posterior.samples["eta"])), rtol=1e-12
     )
+
+
+def test_what_auto_adds_is_sampled_and_told(rows_of, priors):
+    """Angles 1 degree off, and nothing said of nuisances: eta and its interval come with the offset free."""
+    o = scan(rows_of, 1.5, 0.0, 0.003)
+    o = replace(o, theta_deg=o.theta_deg - 1.0)
+    found = fit(o, priors, nuisances=None, method="importance")
+    assert found.candidates[0].nuisances == ("angle_offset_deg",)
+    assert found.chosen_because.startswith("angle_offset_deg is needed")
+    assert "angle_offset_deg" in found.posterior.samples
+    assert "angle_offset_deg" in found.priors
+    assert abs(found.intervals["eta"].median - 1.5) < 4 * found.intervals["eta"].sd
+    # k's limit is the conductor's with the same nuisances.
+    assert "angle_offset_deg" in found.k_posterior.samples
+    # Another model than auto adds nothing.
+    assert fit(o, priors, nuisances=None, model="dielectric", method="laplace").candidates[0].nuisances == ()
+
+
+def test_outliers_are_told_and_do_not_move_eta(rows_of, priors):
+    o = scan(rows_of, 1.5, 0.0, 0.003)
+    value = o.value.copy()
+    value[[4, 15, 20]] += np.array([25, -30, 40]) * o.sigma[[4, 15, 20]]
+    o = replace(o, value=value)
+    found = fit(o, priors, method="importance")
+    assert found.noise == found.candidates[0].noise == "student_t"
+    assert found.p_value > 0.01
+    assert abs(found.intervals["eta"].median - 1.5) < 4 * found.intervals["eta"].sd
+    # Outliers are shown as what they are.
+    assert np.sum(np.abs(found.optimum.residuals) > 15) == 3
 
 
 def test_a_metal_is_a_conductor_with_three_angles(rows_of, priors):
