@@ -101,6 +101,7 @@ def test_a_metal_is_a_conductor_with_three_angles(rows_of, priors):
     found = fit(o, priors)
     assert found.optimum.model == "conductor"
     assert found.k_posterior is None
+    assert found.loo is None  # a dielectric is out of the question
     for name, truth in (("eta", 2.1), ("k", 2.7)):
         assert abs(found.intervals[name].median - truth) < 4 * found.intervals[name].sd
     angles = [found.intervals[f"{n}_deg"].median for n in ("brewster", "second_brewster", "principal_angle")]
