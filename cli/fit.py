@@ -18,7 +18,7 @@ from .options import out_folder_option, output_options, resumable, seed_option
     type=click.Choice(["auto", "dielectric", "conductor", "fixed_k", "fixed_eta"]),
     default="auto",
     show_default=True,
-    help="auto chooses by BIC whether k > 0 is needed; fixed_k and fixed_eta take the value in priors.",
+    help="auto chooses by BIC whether k > 0 is needed, and nuisances where the input has no block; fixed_k and fixed_eta take the value in priors.",
 )
 @click.option(
     "--posterior",

@@ -186,7 +186,7 @@ class Fit:
     priors: dict[str, Prior]  # of every sampled parameter
     saturated: int  # rows of which only a bound is known, because the detector was
     noise: Noise = "normal"
-    loo: LeaveOneOut | None = None  # None where there was no rival
+    loo: LeaveOneOut | None = None  # None where there was no rival worth it
     shared: Shared | None = None
 
     @property

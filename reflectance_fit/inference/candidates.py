@@ -29,8 +29,9 @@ class Tried:
 
     @property
     def described(self) -> str:
-        """In words: conductor with angle_offset_deg."""
-        return " with ".join([self.optimum.model, *self.nuisances])
+        """In words: conductor with angle_offset_deg and diffuse, student_t."""
+        added = f" with {' and '.join(self.nuisances)}" if self.nuisances else ""
+        return f"{self.optimum.model}{added}{', student_t' if self.rows.heavy_tailed else ''}"
 
     @property
     def parameters(self) -> int:

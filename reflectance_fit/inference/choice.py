@@ -14,7 +14,7 @@ have a threshold of their own, so that chance alone is rarely believed:
   divided by its reduced chi2.
 * Heavy-tailed noise has as many parameters as normal noise.  The BIC must fall
   by 10, and what is left must look like a few scattered outliers in rows that
-  fit, not like a wrong model.
+  fit, not like a wrong model (``robust``).
 """
 
 from __future__ import annotations
@@ -71,14 +71,18 @@ def choose(
     best = normal.chosen
     if best.rows.errors_in_angle or np.max(np.abs(best.optimum.residuals)) < WORTH_A_LOOK:
         return normal
+    # With an estimated sigma the rows have scaled it already.
+    stated = not np.any(best.rows.estimated >= 0)
+    scaled = robust.bic_of_scaled_sigmas(best.optimum) if stated else math.inf
+    to_beat = min(best.optimum.bic, scaled) - NOISE_MARGIN
     with suppress(ValueError):
         first = candidates.heavy_tailed(best.optimum.model, best.nuisances)
-        if first.optimum.bic < best.optimum.bic - NOISE_MARGIN:
+        if first.optimum.bic < to_beat:
             heavy = _ladder(names, candidates.heavy_tailed, candidates, given, offered)
             chosen = heavy.chosen.optimum
             lead = best.optimum.bic - chosen.bic
             count = robust.outliers(chosen)
-            if lead < NOISE_MARGIN or not robust.scattered(chosen, observations):
+            if chosen.bic > to_beat or not robust.scattered(chosen, observations):
                 said = f"noise with {count} outliers is refused, they are not scattered in rows that fit; "
                 return replace(normal, tried=candidates.tried, reason=said + normal.reason)
             share = f"{count} of {len(chosen.residuals)} rows are outliers"
@@ -131,10 +135,11 @@ def likely_by_chance(larger: Tried, chance: float) -> float:
     """
     from scipy.stats import chi2, f
 
-    if not np.any(larger.rows.estimated >= 0):
+    sigmas = int(np.max(larger.rows.estimated)) + 1
+    if not sigmas:
         return float(chi2.isf(chance, 1))
     n = len(larger.optimum.residuals)
-    free = n - larger.parameters
+    free = n - (larger.parameters - sigmas)
     return n * math.log1p(f.isf(chance, 1, free) / free) if free > 0 else math.inf
 
 

@@ -7,12 +7,16 @@ rows out clearly prefers the rival the report says so.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from reflectance_fit.inference.candidates import Tried
 from reflectance_fit.inference.choice import Choice
 from reflectance_fit.inference.leave_one_out import compare, foretell
 from reflectance_fit.result import LeaveOneOut
+
+# A rival whose -2 log L is so much higher is out of the question, and no weights reach what it leaves out.
+HOPELESS = 100.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,11 +31,13 @@ class Checked:
 def checked(found: Choice, seed: tuple[int, ...]) -> Checked:
     """``found``, or its rival where an added nuisance does not stand the test.  ``seed`` starts the draws."""
     chosen, rival = found.chosen, found.rival
-    if rival is None:
+    if rival is None or rival.optimum.objective > chosen.optimum.objective + HOPELESS:
         return Checked(found, None, {})
     told = {t: foretell(t.model, t.rows, t.basins, (*seed, i)) for i, t in enumerate((chosen, rival))}
     elpd = {t: foretold.total for t, foretold in told.items()}
     result = compare(told[chosen], told[rival], rival.described)
+    if not math.isfinite(result.pareto_k):
+        return Checked(found, None, {})  # weights of which one counts tell nothing
     figures = f"elpd difference {result.elpd_difference:.3g} +- {result.se:.2g}"
     added = [name for name in chosen.nuisances if name not in rival.nuisances]
     if added and chosen.noise == rival.noise and result.elpd_difference < 0 and result.trusted:

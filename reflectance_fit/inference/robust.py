@@ -2,8 +2,9 @@
 
 Heavy tails can hide a model that is wrong: rows it cannot reach count as
 outliers.  So chi2 of such a fit is that of the rows within OUTLYING sigma,
-which must fit as well as normal ones would; the others must be few; and
-residuals of neighbouring rows must not go together.
+which must fit as well as normal ones would; the others must be few; residuals of
+neighbouring rows must not go together; and sigmas that are too small by one
+factor must explain the rows less well.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ FloatArray = NDArray[np.float64]
 
 OUTLYING = 4.0  # sigma
 MOST = 0.25  # of the rows, that may be outliers
-SMOOTH_Z = 3.0
-WRONG_P = 0.001  # as for the warning WRONG_MODEL
+SMOOTH_Z = 2.0
+WRONG_P = 0.01  # stricter than the warning WRONG_MODEL, which a refusal leaves standing
 _FIRST_CUT = 3.5  # robust standard deviations
 
 
@@ -94,6 +95,13 @@ def _all_residuals(model: Model, rows: Rows, basin: optimize.Basin) -> FloatArra
     evaluate(rows._replace(heavy_tailed=True), model.full(basin.x)[0], rooted, spread, gains)
     # From the signed root of 5 log(1 + u^2 / 4) back to u.
     return np.sign(rooted) * 2 * np.sqrt(np.expm1(rooted**2 / 5))
+
+
+def bic_of_scaled_sigmas(optimum: Optimum) -> float:
+    """BIC of normal noise whose stated sigmas are all too small by one factor, which is a parameter more."""
+    n = len(optimum.residuals)
+    scaled = n * (math.log(optimum.chi2 / n) + 1) if optimum.chi2 > n else optimum.chi2
+    return optimum.bic - optimum.chi2 + scaled + math.log(n)
 
 
 def outliers(optimum: Optimum) -> int:

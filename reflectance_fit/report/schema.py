@@ -71,7 +71,7 @@ class ModelChoice(_Part):
     name: str
     noise: Literal["normal", "student_t"] = "normal"
     chosen_because: str
-    loo: LeaveOneOut | None = Field(None, description="null where there was no rival")
+    loo: LeaveOneOut | None = Field(None, description="null where there was no rival worth it")
     candidates: list[Candidate]
     dispersion: Dispersion | None = Field(None, description="absent where every channel has its own eta")
 

@@ -35,7 +35,7 @@ class Case:
     plate: bool = False
     film: str | None = None
     film_nm: float = 0.0
-    nuisances: str = "{}"
+    nuisances: str | None = "{}"
 
 
 CASES = (
@@ -48,6 +48,7 @@ CASES = (
         offset_deg=1.0,
         nuisances="{angle_offset_deg: {sigma: 1}}",
     ),
+    Case("N-BK7", "the same, nothing said of nuisances", (), offset_deg=1.0, nuisances=None),
     Case(
         "N-BK7",
         "stray light, 1 % of the largest signal",
@@ -55,6 +56,7 @@ CASES = (
         stray=0.01,
     ),
     Case("N-BK7", "the same, `diffuse` allowed", (), stray=0.01, nuisances="{diffuse: {sigma: 0.01}}"),
+    Case("N-BK7", "the same again, nothing said of nuisances", (), stray=0.01, nuisances=None),
     Case("N-BK7", "detector responds as signal^1.05", ("WRONG_MODEL", "LITERATURE_DISAGREES"), gamma=1.05),
     Case("N-BK7", "plate, its back face reflects too", ("WRONG_MODEL", "LITERATURE_DISAGREES"), plate=True),
     Case("N-BK7", "2 nm of water on it", ("LITERATURE_DISAGREES",), film="water", film_nm=2.0),
@@ -121,7 +123,7 @@ def outcome(case, folder, seed=0):
         f"sample: {{name: {case.sample}}}\n"
         f"wavelength_nm: {WAVELENGTH_NM}\n"
         f"tables: [{{file: t.csv, columns: {{{', '.join(f'{c}: {c}' for c in columns)}}}}}]\n"
-        f"nuisances: {case.nuisances}\n",
+        + (f"nuisances: {case.nuisances}\n" if case.nuisances else ""),
         encoding="utf-8",
     )
     return fit(folder / "measurement.yaml", timings=False).report

@@ -47,6 +47,11 @@ def test_glass_is_a_dielectric_with_an_upper_limit_on_k(rows_of, priors):
     assert found.optimum.model == "dielectric"
     assert found.chosen_because.startswith("k adds nothing")
     assert [c.name for c in found.candidates] == ["dielectric", "conductor"]
+    assert found.loo.rival == "conductor"
+    assert found.loo.agrees
+    assert found.loo.elpd_difference == pytest.approx(
+        found.candidates[0].elpd_loo - found.candidates[1].elpd_loo, abs=1e-9
+    )
     assert found.intervals["k"].status == "upper_limit"
     assert 0 < found.intervals["k"].ci95[1] < 0.3
     eta = found.intervals["eta"]
@@ -58,6 +63,35 @@ def test_glass_is_a_dielectric_with_an_upper_limit_on_k(rows_of, priors):
     )
 
 
+def test_what_auto_adds_is_sampled_and_told(rows_of, priors):
+    """Angles 1 degree off, and nothing said of nuisances: eta and its interval come with the offset free."""
+    o = scan(rows_of, 1.5, 0.0, 0.003)
+    o = replace(o, theta_deg=o.theta_deg - 1.0)
+    found = fit(o, priors, nuisances=None, method="importance")
+    assert found.candidates[0].nuisances == ("angle_offset_deg",)
+    assert found.chosen_because.startswith("angle_offset_deg is needed")
+    assert "angle_offset_deg" in found.posterior.samples
+    assert "angle_offset_deg" in found.priors
+    assert abs(found.intervals["eta"].median - 1.5) < 4 * found.intervals["eta"].sd
+    # k's limit is the conductor's with the same nuisances.
+    assert "angle_offset_deg" in found.k_posterior.samples
+    # Another model than auto adds nothing.
+    assert fit(o, priors, nuisances=None, model="dielectric", method="laplace").candidates[0].nuisances == ()
+
+
+def test_outliers_are_told_and_do_not_move_eta(rows_of, priors):
+    o = scan(rows_of, 1.5, 0.0, 0.003)
+    value = o.value.copy()
+    value[[4, 15, 20]] += np.array([25, -30, 40]) * o.sigma[[4, 15, 20]]
+    o = replace(o, value=value)
+    found = fit(o, priors, method="importance")
+    assert found.noise == found.candidates[0].noise == "student_t"
+    assert found.p_value > 0.01
+    assert abs(found.intervals["eta"].median - 1.5) < 4 * found.intervals["eta"].sd
+    # Outliers are shown as what they are.
+    assert np.sum(np.abs(found.optimum.residuals) > 15) == 3
+
+
 def test_a_metal_is_a_conductor_with_three_angles(rows_of, priors):
     theta = np.array([60.0, 65.0, 70.0, 75.0])
     psi, delta = np.degrees(psi_delta(np.cos(np.radians(theta)), 2.1, 2.7))
@@ -67,6 +101,7 @@ def test_a_metal_is_a_conductor_with_three_angles(rows_of, priors):
     found = fit(o, priors)
     assert found.optimum.model == "conductor"
     assert found.k_posterior is None
+    assert found.loo is None  # a dielectric is out of the question
     for name, truth in (("eta", 2.1), ("k", 2.7)):
         assert abs(found.intervals[name].median - truth) < 4 * found.intervals[name].sd
     angles = [found.intervals[f"{n}_deg"].median for n in ("brewster", "second_brewster", "principal_angle")]
