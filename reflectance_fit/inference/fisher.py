@@ -43,13 +43,14 @@ class Information:
 
     ``names`` are the coordinates: eta stands for log(eta); ``source_s1`` and
     ``source_s2`` for degree and azimuth of the source's polarization.
-    ``columns`` (N, P) are the derivatives of the rows in units of their noise,
+    ``derivatives`` (N, P) are those of the rows, ``columns`` (N, P) the same in units of their noise,
     ``prior_sd`` (P,) the standard deviations of the priors.
     ``rows``, ``vector`` and ``gains`` are the model's point, ``whitening`` (N, N)
     turns differences of rows into units of noise, gains projected out.
     """
 
     names: tuple[str, ...]
+    derivatives: FloatArray
     columns: FloatArray
     prior_sd: FloatArray
     rows: Rows
@@ -139,6 +140,7 @@ def information(
     whitening = _whitening(rows, vector, gain_values, np.degrees(derivatives[:, -1]))
     return Information(
         names=names,
+        derivatives=derivatives[:, :-1],
         columns=whitening @ derivatives[:, :-1],
         prior_sd=np.array(list(prior_sd.values())),
         rows=rows,
