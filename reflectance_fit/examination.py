@@ -76,3 +76,4 @@ class Examination:
     film: Film | None = None
     drift: Drift | None = None
     band: Band | None = None
+    missing_runs: float | None = None  # of residuals of equal sign, in standard deviations

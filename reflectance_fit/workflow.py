@@ -168,6 +168,7 @@ def fit(
         inputs=measurement.inputs,
         seconds=seconds if timings else None,
         examinations=[examine(one, measurement.sample_name) for one in fits],
+        sample_note=measurement.sample_note,
     )
     return FitResult(report, tuple(fits))
 

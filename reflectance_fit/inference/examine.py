@@ -6,6 +6,7 @@ from reflectance_fit.examination import Examination
 from reflectance_fit.inference.band import band
 from reflectance_fit.inference.film import drift, film
 from reflectance_fit.inference.health import healths
+from reflectance_fit.inference.scatter import too_few_runs
 from reflectance_fit.inference.sensitivity import sensitivities
 from reflectance_fit.materials.library import match
 from reflectance_fit.result import Fit
@@ -21,4 +22,5 @@ def examine(fit: Fit, sample_name: str) -> Examination:
         film=film(fit, entry),
         drift=drift(fit),
         band=band(fit, entry),
+        missing_runs=too_few_runs(fit),
     )

@@ -36,12 +36,13 @@ FloatArray = NDArray[np.float64]
 
 # An oxide or quartz, sapphire or another metal's oxide, water: enough of a choice for a suspicion.
 FILM_INDICES = (1.46, 1.77, 1.33)
-THICKEST_NM = 100.0
-_THICKNESSES = np.concatenate([[0.0], np.geomspace(0.1, THICKEST_NM, 60)])
+# Thinner than an oxide grows, what is left of a table's own error looks like a film.
+THINNEST_NM, THICKEST_NM = 1.0, 100.0
+_THICKNESSES = np.geomspace(THINNEST_NM, THICKEST_NM, 60)
 # chi2 by which the tabulated bulk must fail alone: 5 standard deviations.
 CLEARLY = 25.0
-# chi2 by which the film may be worse than the bulk, which has one more free number (p = 0.001).
-AS_WELL = 10.8
+# chi2 by which the film may be worse than the bulk, which has one more free number (p = 0.01).
+AS_WELL = 6.6
 DRIFT_P = 1e-3
 
 

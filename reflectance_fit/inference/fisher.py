@@ -218,11 +218,11 @@ def _wrapped(rows: Rows, change: FloatArray) -> FloatArray:
 def _whitening(rows: Rows, vector: FloatArray, gains: FloatArray, slope: FloatArray) -> FloatArray:
     """S^-1/2 without the directions of the gains, shape (N, N); ``slope`` (N,) is by theta in radians."""
     n = len(rows.value)
-    covariance = np.diag(rows.sigma**2)
-    for setting in range(rows.settings):
-        v = np.where(rows.setting == setting, rows.theta_sigma * slope, 0.0)
-        covariance += np.outer(v, v)
-    white = np.linalg.inv(np.linalg.cholesky(covariance))
+    white = np.diag(1 / rows.sigma)
+    if rows.errors_in_angle:
+        v = rows.theta_sigma * slope
+        together = np.outer(v, v) * (rows.setting[:, None] == rows.setting)
+        white = np.linalg.inv(np.linalg.cholesky(np.diag(rows.sigma**2) + together))
     if not rows.gains:
         return np.asarray(white)
     reflected = predict_vectors(rows, vector[None], gains) - predict_vectors(rows, vector[None], 0 * gains)

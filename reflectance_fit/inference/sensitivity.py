@@ -7,8 +7,8 @@ and Newton would take towards them,
     change = C J^T D(d),
 
 J the whitened derivatives of the rows by what is fitted and C its covariance,
-priors included (``fisher``).  D is the exact difference, so that disturbances
-that act only in second order, as an analyzer's zero at s and p, keep their effect.
+priors included (``fisher``).  D is that of first order, except for an
+analyzer's zero, which at s and p acts in second order only.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ FloatArray = NDArray[np.float64]
 # 1000:1 between the axes of a polarizer, against an ideal one.
 EXTINCTION = 1000.0
 _DIATTENUATION = (EXTINCTION - 1) / (EXTINCTION + 1)
+_ANGLE_DEG = 0.1
 _BLACK_SHARE = 1e-3
 _STEP = 1e-6
 _NOTHING = 1e-9  # of a standard deviation: rounding of rows that do not feel a disturbance
@@ -50,9 +51,9 @@ def sensitivities(fit: Fit) -> tuple[Sensitivity, ...]:
             continue
         step = info.covariance() @ (info.columns.T @ difference)
         change = dict(zip(info.names, step, strict=True))
-        # The first coordinate is log(eta).
-        eta, k = fit.optimum.eta * math.expm1(change.get("eta", 0.0)), change.get("k", 0.0)
-        found.append(Sensitivity(name, amount, unit, float(eta), float(k), _brewster(fit, eta, k)))
+        # The coordinate of eta is its logarithm.
+        eta, k = fit.optimum.eta * float(change.get("eta", 0.0)), float(change.get("k", 0.0))
+        found.append(Sensitivity(name, amount, unit, eta, k, _brewster(fit, eta, k)))
     return tuple(sorted(found, key=lambda s: -_size(fit, s)))
 
 
@@ -69,10 +70,11 @@ def _disturbances(fit: Fit, info: Information) -> list[tuple[str, float, str, st
         vector[FIRST_NUISANCE + NUISANCES[nuisance].index] = to
         return np.asarray(info.difference(vector[None])[0])
 
-    offset = info.vector[FIRST_NUISANCE + NUISANCES["angle_offset_deg"].index]
+    # Dark, diffuse light, diattenuation and the source's polarization act linearly as they are.
+    turned = 0.5 * (moved("angle_offset_deg", _ANGLE_DEG) - moved("angle_offset_deg", -_ANGLE_DEG))
     black, amount, unit = _black(fit, info)
     return [
-        ("angle_offset", 0.1, "deg", "angle_offset_deg", moved("angle_offset_deg", offset + 0.1)),
+        ("angle_offset", _ANGLE_DEG, "deg", "angle_offset_deg", turned),
         ("extinction_ratio", EXTINCTION, "to 1", "diattenuation", moved("diattenuation", _DIATTENUATION)),
         ("diffuse", 0.001, "of the largest signal", "diffuse", moved("diffuse", 0.001)),
         ("black_level", amount, unit, "dark_offset", info.whitening @ black),

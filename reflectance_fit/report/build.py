@@ -31,6 +31,7 @@ def build_report(
     inputs: Sequence[tuple[str, str]],
     seconds: Mapping[str, float] | None,
     examinations: Sequence[Examination] = (),
+    sample_note: str | None = None,
 ) -> schema.Report:
     """The report of all ``fits``, with an examination of each or of none.
 
@@ -55,7 +56,7 @@ def build_report(
             ]
         ]
     return schema.Report(
-        sample=schema.Sample(name=sample_name),
+        sample=schema.Sample(name=sample_name, note=sample_note),
         exterior_ior=exterior_ior,
         fits=[_fit(fit) for fit in fits],
         channels=channels,

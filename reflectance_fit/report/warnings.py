@@ -65,6 +65,13 @@ def _of_the_posterior(fit: Fit) -> Iterator[Note]:
 
 
 def _of_the_examination(fit: Fit, seen: Examination) -> Iterator[Note]:
+    if seen.missing_runs is not None and seen.missing_runs > _UNHEALTHY:
+        yield Note(
+            "WRONG_MODEL",
+            f"residuals do not scatter: neighbours are on the same side ({seen.missing_runs:.0f} sd too few changes "
+            "of sign), so their estimated sigma is none and intervals are not to be trusted. A wrong angle zero, "
+            "drop-outs, a drifting lamp?",
+        )
     for check in seen.health:
         if abs(check.z) > _UNHEALTHY:
             yield Note(

@@ -77,7 +77,6 @@ def test_k_of_what_absorbs_is_compared_as_leniently_as_eta(name):
             assert f"k = {found.median:.4f}" in warning
 
 
-
 @pytest.mark.parametrize("name", ["my sample", "unknown glass", "", "gold on silicon", "a$x_{$b"])
 def test_a_name_that_says_nothing(name):
     assert compare(name, fit(1.5, 0.001)) == (None, None)
