@@ -35,3 +35,4 @@ class Measurement:
     priors: dict[str, Prior]
     warnings: tuple[Note, ...]
     inputs: tuple[tuple[str, str], ...]
+    sample_note: str | None = None

@@ -6,7 +6,7 @@ Photographs and tables both become ``Observations``; the fit knows nothing else.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from typing import Any
 
@@ -66,7 +66,8 @@ class Observations:
     all optics before it, 1 for an ideal one.  ``light`` is the incident Stokes vector,
     shape (N, 4), in the (s, p) frame of docs/conventions.md.  ``sigma`` is
     one standard deviation, NaN where nobody stated it; ``theta_deg_sigma`` is
-    0 where the angle is taken as exact.
+    0 where the angle is taken as exact.  ``fwhm_nm`` is the width of the row's wavelength band,
+    0 for a line; ``signal_per_dn`` what one raw count more would add to the value, NaN where there are no counts.
     """
 
     channel: NDArray[np.str_]
@@ -86,9 +87,14 @@ class Observations:
     sigma: FloatArray
     pixels: NDArray[np.int64]
     flag: NDArray[np.str_]
+    fwhm_nm: FloatArray = field(default_factory=lambda: np.zeros(()))
+    signal_per_dn: FloatArray = field(default_factory=lambda: np.full((), np.nan))
 
     def __post_init__(self) -> None:
         n = len(self.value)
+        for name in ("fwhm_nm", "signal_per_dn"):
+            if np.ndim(getattr(self, name)) == 0:
+                object.__setattr__(self, name, np.full(n, getattr(self, name)))
         for column in fields(self):
             if len(getattr(self, column.name)) != n:
                 raise ValueError(f"column {column.name} has not {n} rows")

@@ -37,10 +37,15 @@ COLUMNS: Mapping[str, tuple[Kind, str, str]] = {
     "sigma": ("float", "", "one standard deviation of value, in its unit; NaN: not stated"),
     "pixels": ("integer", "1", "number of pixels averaged"),
     "flag": ("text", "", f"one of {', '.join(Flag)}"),
+    "fwhm_nm": ("float", "nm", "full width at half maximum of the wavelength band; 0: a line"),
+    "signal_per_dn": ("float", "", "what one raw count adds to value; NaN: there are no counts"),
 }
+# Absent from the files of the first version.
+OPTIONAL = ("fwhm_nm", "signal_per_dn")
 ATTRIBUTES: Mapping[str, str] = {
     "schema": SCHEMA,
     "sample": "name of the sample",
+    "note": "what its manifest says of the sample; absent: nothing",
     "exterior_ior": "index around the sample",
     "nuisances": "JSON: name to the sigma of its prior, null for flat; absent: none",
     "priors": "JSON: eta and k, as in the block of manifests",

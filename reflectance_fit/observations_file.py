@@ -30,7 +30,7 @@ from reflectance_fit.manifests import (
 )
 from reflectance_fit.measured import Measurement, Note
 from reflectance_fit.observations import Flag, Observations, Quantity
-from reflectance_fit.observations_columns import ATTRIBUTES, COLUMNS, SCHEMA
+from reflectance_fit.observations_columns import ATTRIBUTES, COLUMNS, OPTIONAL, SCHEMA
 from reflectance_fit.strict_yaml import Document, validate
 
 MAX_ROWS = 5_000_000  # a file may claim any number without holding one
@@ -53,6 +53,7 @@ class _Attributes(Block):
     schema_: Literal["reflectance_fit/observations/1"] = Field(alias="schema")
     sample: Text
     exterior_ior: Positive
+    note: Text | None = None
     nuisances: dict[NuisanceName, Positive | None] | None = None
     priors: Priors
     warnings: tuple[_Warning, ...]
@@ -72,6 +73,8 @@ def write_observations(measurement: Measurement, path: Path) -> None:
         "inputs": [{"file": file, "sha256": sha256} for file, sha256 in measurement.inputs],
         "version": version("reflectance_fit"),
     }
+    if measurement.sample_note is not None:
+        values["note"] = measurement.sample_note
     if nuisances is not None:
         values["nuisances"] = {name: s if np.isfinite(s) else None for name, s in nuisances.items()}
 
@@ -132,6 +135,7 @@ def read_observations(path: Path) -> Measurement:
         priors=stated.priors.by_name(),
         warnings=tuple(Note(entry.code, entry.message) for entry in stated.warnings),
         inputs=tuple((entry.file, entry.sha256) for entry in stated.inputs),
+        sample_note=stated.note,
     )
 
 
@@ -151,6 +155,8 @@ def _raw(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]], list[str]
         columns: dict[str, NDArray[Any]] = {}
         problems = []
         for name, (kind, _, _) in COLUMNS.items():
+            if name not in file.variables and name in OPTIONAL:
+                continue
             if name not in file.variables:
                 problems.append(f"the column {name} is missing; write the file anew with ingest")
             elif file.variables[name].dimensions != ("row",):
@@ -201,6 +207,11 @@ def _rules(o: Observations) -> list[tuple[str, NDArray[Any]]]:
         ("theta_deg_spread must be 0 to 90", ~((o.theta_deg_spread >= 0) & (o.theta_deg_spread <= 90))),
         ("analyzer and retarder angles must be finite, or NaN", np.isinf(angles)),
         ("diattenuation must be above 0 and at most 1", ~((o.diattenuation > 0) & (o.diattenuation <= 1))),
+        ("fwhm_nm must be 0 or above", ~((o.fwhm_nm >= 0) & np.isfinite(o.fwhm_nm))),
+        (
+            "signal_per_dn must be above 0 and finite, or NaN",
+            (o.signal_per_dn <= 0) | np.isinf(o.signal_per_dn),
+        ),
         ("light_s0 must be above 0", ~((s0 > 0) & np.isfinite(s0))),
         ("light is more polarized than possible", ~(polarized <= s0 * (1 + 1e-9))),
     ]

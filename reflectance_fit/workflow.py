@@ -22,6 +22,7 @@ from reflectance_fit.capture.truth import Truth
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.files import check_writable, write_together, write_whole
 from reflectance_fit.inference import checkpoint
+from reflectance_fit.inference.examine import examine
 from reflectance_fit.inference.ladder import METHODS, Method
 from reflectance_fit.inference.predict import predictor
 from reflectance_fit.inference.run import MODELS, fit_channel
@@ -181,6 +182,8 @@ def fit(
         seed=seed,
         inputs=measurement.inputs,
         seconds=seconds if timings else None,
+        examinations=[examine(one, measurement.sample_name) for one in fits],
+        sample_note=measurement.sample_note,
     )
     return FitResult(report, tuple(fits))
 

@@ -23,6 +23,7 @@ h5py = h5netcdf.core.h5py
 ABOUT = {
     "sample_name": "Glas № 1, 玻璃",
     "exterior_ior": 1.000277,
+    "sample_note": "gewaschen",
     "nuisances": {"angle_offset_deg": 0.5, "source_azimuth_deg": math.inf},
     "priors": {"eta": Prior("log_uniform", *ETA_PRIOR), "k": Prior("uniform", *K_PRIOR)},
     "warnings": (Note("NO_HASHES", "première"), Note("SATURATED", "zweite: 5 %")),
@@ -52,6 +53,8 @@ def observations(n: int = 4) -> Observations:
         sigma=nan_last,
         pixels=np.arange(n, dtype=np.int64) + 2**40,
         flag=np.resize([str(f) for f in Flag], n),
+        fwhm_nm=90 * x,
+        signal_per_dn=nan_last,
     )
 
 
@@ -180,6 +183,8 @@ BAD_COLUMNS = [
     ("theta_deg", [90.0, 1, 1, 1], "theta_deg must be 0 to below 90"),
     ("theta_deg_sigma", [-1.0, 1, 1, 1], "theta_deg_sigma must be 0 or above"),
     ("theta_deg_spread", [np.nan, 1, 1, 1], "theta_deg_spread must be 0 to 90"),
+    ("fwhm_nm", [-1.0, 1, 1, 1], "fwhm_nm must be 0 or above"),
+    ("signal_per_dn", [0.0, 1, 1, 1], "signal_per_dn must be above 0"),
     ("wavelength_nm", [0.5, 500, 500, 500], "wavelength_nm must be 100 to 20000"),
     ("analyzer_deg", [np.inf, 1, 1, 1], "analyzer and retarder angles must be finite"),
     ("diattenuation", [0.0, 1, 1, 1], "diattenuation must be above 0"),
@@ -201,6 +206,15 @@ def test_bad_values(path, name, data, expected):
     write(replace(observations(), flag=np.full(4, "used")), path)
     edit(path, name, data, h5py.string_dtype() if getattr(data, "dtype", None) == object else None)
     assert problem(path).startswith(expected)
+
+
+def test_files_of_the_first_version_have_no_widths_and_no_counts(path):
+    rows = replace(observations(), flag=np.full(4, "used"))
+    write(rows, path)
+    with h5py.File(path, "a") as file:
+        del file["fwhm_nm"], file["signal_per_dn"]
+    read = read_observations(path).observations
+    assert_equal(read, replace(rows, fwhm_nm=np.zeros(4), signal_per_dn=np.full(4, np.nan)))
 
 
 def test_rows_that_are_not_used_may_be_anything(path):

@@ -109,6 +109,7 @@ class Capture:
 
     path: Path
     sample_name: str
+    sample_note: str | None
     exterior_ior: float
     sensor: str
     channels: dict[str, Channel]

@@ -82,6 +82,7 @@ def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
         priors=capture.priors,
         warnings=tuple(notes),
         inputs=(*capture.inputs, *((frame.file, hashes[frame.path]) for frame in capture.frames)),
+        sample_note=capture.sample_note,
     )
     unused = frozenset(frame.file for frame in capture.frames if frame.path not in jobs)
     return Ingested(capture, measurement, tuple(samples), rejected, unused, settings)

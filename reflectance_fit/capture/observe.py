@@ -35,6 +35,7 @@ class Signals:
 
     value: FloatArray
     variance: FloatArray
+    per_dn: FloatArray
     pixels: NDArray[np.int64]
     saturated: NDArray[np.bool_]
     theta: FloatArray
@@ -87,6 +88,7 @@ def calibrate(
         value, variance = _minus_darks(own, noise, [d.over(bins)[plane] for d in darks])
         seconds = float(exposure.seconds or math.nan)
         value, variance = value / seconds, variance / seconds**2
+        per_dn = np.full_like(value, 1 / seconds)
         # On a sphere each bin has its own pixels, so what they differ by does not go into a gain.
         unlike = (TYPICAL_PRNU * value) ** 2 / np.maximum(own.pixels, 1)
         angles = [own]
@@ -94,13 +96,14 @@ def calibrate(
             angles = [flat[0].over(bins)[plane] for flat in flats]
             levels, noises = zip(*(_flat(flat, bins, plane, noise) for flat in flats), strict=True)
             level = np.mean(levels, axis=0)
-            value, variance = value / level, variance / level**2
+            value, variance, per_dn = value / level, variance / level**2, per_dn / level
             unlike = value**2 * np.sum(noises, axis=0) / (len(flats) * level) ** 2
         if isinstance(bins, SphereBins):
             variance = variance + unlike
         channels[channel] = Signals(
             value=value,
             variance=variance,
+            per_dn=per_dn,
             pixels=own.pixels,
             saturated=own.saturated > SATURATED_SHARE * own.pixels,
             theta=np.mean([a.theta for a in angles], axis=0),
@@ -174,6 +177,7 @@ def flat_rows(capture: Capture, samples: Sequence[Calibrated]) -> Observations:
                     modulation=np.ones(1),
                     value=s.value,
                     variance=s.variance,
+                    per_dn=s.per_dn,
                     pixels=s.pixels,
                     saturated=s.saturated,
                 )
@@ -214,6 +218,7 @@ class Rows:
     modulation: FloatArray
     value: FloatArray
     variance: FloatArray
+    per_dn: FloatArray
     pixels: NDArray[np.int64]
     saturated: NDArray[np.bool_]
 
@@ -244,6 +249,7 @@ def _pool(signals: Sequence[Signals], frame: Frame) -> Rows:
         modulation=np.hypot(cos_2phi, sin_2phi),
         value=mean("value"),
         variance=np.sum(weight**2 * np.where(weight > 0, variance, 0.0), axis=0) / total**2,
+        per_dn=mean("per_dn"),
         pixels=total.astype(np.int64),
         saturated=clipped[kept],
     )
@@ -272,4 +278,6 @@ def _observations(capture: Capture, channel: str, frame: Frame, rows: Rows) -> O
         sigma=sigma,
         pixels=rows.pixels,
         flag=np.where(rows.saturated, str(Flag.SATURATED), str(Flag.USED)),
+        fwhm_nm=np.full(n, capture.channels[channel].fwhm_nm),
+        signal_per_dn=rows.per_dn,
     )

@@ -37,6 +37,7 @@ def read_capture(path: str | Path) -> Capture:
     return Capture(
         path=path,
         sample_name=manifest.sample.name,
+        sample_note=manifest.sample.note or None,
         exterior_ior=manifest.exterior_ior,
         sensor=camera.sensor,
         channels={name: Channel(band.wavelength_nm, band.fwhm_nm) for name, band in camera.channels.items()},

@@ -43,13 +43,14 @@ class Information:
 
     ``names`` are the coordinates: eta stands for log(eta); ``source_s1`` and
     ``source_s2`` for degree and azimuth of the source's polarization.
-    ``columns`` (N, P) are the derivatives of the rows in units of their noise,
+    ``derivatives`` (N, P) are those of the rows, ``columns`` (N, P) the same in units of their noise,
     ``prior_sd`` (P,) the standard deviations of the priors.
     ``rows``, ``vector`` and ``gains`` are the model's point, ``whitening`` (N, N)
     turns differences of rows into units of noise, gains projected out.
     """
 
     names: tuple[str, ...]
+    derivatives: FloatArray
     columns: FloatArray
     prior_sd: FloatArray
     rows: Rows
@@ -139,6 +140,7 @@ def information(
     whitening = _whitening(rows, vector, gain_values, np.degrees(derivatives[:, -1]))
     return Information(
         names=names,
+        derivatives=derivatives[:, :-1],
         columns=whitening @ derivatives[:, :-1],
         prior_sd=np.array(list(prior_sd.values())),
         rows=rows,
@@ -216,11 +218,11 @@ def _wrapped(rows: Rows, change: FloatArray) -> FloatArray:
 def _whitening(rows: Rows, vector: FloatArray, gains: FloatArray, slope: FloatArray) -> FloatArray:
     """S^-1/2 without the directions of the gains, shape (N, N); ``slope`` (N,) is by theta in radians."""
     n = len(rows.value)
-    covariance = np.diag(rows.sigma**2)
-    for setting in range(rows.settings):
-        v = np.where(rows.setting == setting, rows.theta_sigma * slope, 0.0)
-        covariance += np.outer(v, v)
-    white = np.linalg.inv(np.linalg.cholesky(covariance))
+    white = np.diag(1 / rows.sigma)
+    if rows.errors_in_angle:
+        v = rows.theta_sigma * slope
+        together = np.outer(v, v) * (rows.setting[:, None] == rows.setting)
+        white = np.linalg.inv(np.linalg.cholesky(np.diag(rows.sigma**2) + together))
     if not rows.gains:
         return np.asarray(white)
     reflected = predict_vectors(rows, vector[None], gains) - predict_vectors(rows, vector[None], 0 * gains)

@@ -51,11 +51,10 @@ def turns_of(p: FloatArray) -> Turns:
 
 
 @inlined
-def _at_one_angle(rows: Rows, i: int, c: float, s: float, p: FloatArray, turns: Turns) -> float:
-    eta = p[ETA] + p[SLOPE] * rows.dispersion[i]
-    if not eta > 0:
-        return math.nan
-    reflection = interface(c, s, eta / rows.exterior_ior, p[K] / rows.exterior_ior)
+def reading(
+    rows: Rows, i: int, reflection: tuple[float, float, float, float], p: FloatArray, turns: Turns
+) -> float:
+    """What row i reads of a surface with R_s, R_p and r_s conj(r_p) = ``reflection``; gain 1, no background."""
     r_s, r_p, cross_re, cross_im = reflection
     code = rows.code[i]
     if code == _REFLECTANCE_S:
@@ -86,6 +85,14 @@ def _at_one_angle(rows: Rows, i: int, c: float, s: float, p: FloatArray, turns: 
     signal = analyzer_signal(reflection, (s0, s1, s2, s3), analyzer, retarder, diattenuation)
     # signal_s and signal_p are R_s and R_p times a gain; an analyzer passes half of unpolarized light.
     return signal if code == _SIGNAL else 2.0 * signal
+
+
+@inlined
+def _at_one_angle(rows: Rows, i: int, c: float, s: float, p: FloatArray, turns: Turns) -> float:
+    eta = p[ETA] + p[SLOPE] * rows.dispersion[i]
+    if not eta > 0:
+        return math.nan
+    return reading(rows, i, interface(c, s, eta / rows.exterior_ior, p[K] / rows.exterior_ior), p, turns)
 
 
 @inlined

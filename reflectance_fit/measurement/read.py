@@ -65,6 +65,7 @@ def read_measurement(path: str | Path) -> Measurement:
         priors=manifest.priors.by_name(),
         warnings=tuple(Note("ROWS_IGNORED", text) for text in dict.fromkeys(warnings)),
         inputs=tuple(inputs.items()),
+        sample_note=manifest.sample.note or None,
     )
 
 

@@ -5,22 +5,23 @@ from __future__ import annotations
 import importlib.metadata
 import platform
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from reflectance_fit.examination import Examination, Health, Sensitivity
 from reflectance_fit.measured import Note
 from reflectance_fit.report import literature, schema
 from reflectance_fit.report.approximations import schlick_errors
 from reflectance_fit.report.numbers import short
+from reflectance_fit.report.warnings import warnings_of
 from reflectance_fit.result import Fit, Interval, Shared
 
 FloatArray = NDArray[np.float64]
 
 PACKAGES = ("numpy", "scipy", "numba", "nlopt", "emcee", "arviz-stats")
-_WRONG_MODEL_P = 0.001
-_BEYOND_DEG = 5.0  # of extrapolation before ANGLE_RANGE is said
 
 
 def build_report(
@@ -32,8 +33,10 @@ def build_report(
     seed: int,
     inputs: Sequence[tuple[str, str]],
     seconds: Mapping[str, float] | None,
+    examinations: Sequence[Examination] = (),
+    sample_note: str | None = None,
 ) -> schema.Report:
-    """The report of all ``fits``.
+    """The report of all ``fits``, with an examination of each or of none.
 
     ``notes`` are what the reader had to tell, ``inputs`` pairs
     of file and sha256.  ``seconds`` are times a stage; with None nothing in
@@ -44,19 +47,21 @@ def build_report(
         schema.Warning(code=note.code, channel=None, message=note.message)  # type: ignore[arg-type]
         for note in notes
     ]
-    for index, fit in enumerate(fits):
+    looked_at = examinations or [Examination()] * len(fits)
+    for index, (fit, seen) in enumerate(zip(fits, looked_at, strict=True)):
         table, disagreement = literature.compare(sample_name, fit)
         # Channels that share one fit are all channels there are.
-        channels.append(_channel(fit, 0 if fit.shared else index, table, timed=seconds is not None))
+        place = 0 if fit.shared else index
+        channels.append(_channel(fit, place, table, seen, timed=seconds is not None))
         warnings += [
-            schema.Warning(code=code, channel=fit.channel, message=message)  # type: ignore[arg-type]
-            for code, message in [
-                *_warnings(fit),
-                *([("LITERATURE_DISAGREES", disagreement)] if disagreement else []),
+            schema.Warning(code=note.code, channel=fit.channel, message=note.message)  # type: ignore[arg-type]
+            for note in [
+                *warnings_of(fit, seen),
+                *([Note("LITERATURE_DISAGREES", disagreement)] if disagreement else []),
             ]
         ]
     return schema.Report(
-        sample=schema.Sample(name=sample_name),
+        sample=schema.Sample(name=sample_name, note=sample_note),
         exterior_ior=exterior_ior,
         fits=[_fit(fit) for fit in (fits[:1] if fits[0].shared else fits)],
         channels=channels,
@@ -90,7 +95,9 @@ def _priors(fits: Sequence[Fit]) -> dict[str, Any]:
     return common
 
 
-def _channel(fit: Fit, index: int, table: schema.Literature | None, *, timed: bool) -> schema.Channel:
+def _channel(
+    fit: Fit, index: int, table: schema.Literature | None, seen: Examination, *, timed: bool
+) -> schema.Channel:
     intervals = fit.intervals
     eta, k = intervals["eta"], intervals["k"]
     errors = None
@@ -104,7 +111,8 @@ def _channel(fit: Fit, index: int, table: schema.Literature | None, *, timed: bo
     if table is not None:
         table = table.model_copy(
             update={
-                name: None if (v := getattr(table, name)) is None else short(v) for name in ("eta", "k", "z")
+                name: None if (v := getattr(table, name)) is None else short(v)
+                for name in ("eta", "k", "z", "z_k")
             }
         )
     return schema.Channel(
@@ -119,7 +127,14 @@ def _channel(fit: Fit, index: int, table: schema.Literature | None, *, timed: bo
         r0=schema.Estimate(**_estimate(intervals["r0"])),
         schlick=errors,
         literature=table,
+        sensitivity=[schema.Sensitivity(**_shortened(one)) for one in seen.sensitivity],
+        health=[schema.Health(**_shortened(one)) for one in seen.health],
     )
+
+
+def _shortened(found: Sensitivity | Health) -> dict[str, Any]:
+    """Four digits: these are estimates of first order, or standard deviations."""
+    return {name: short(v, 4) if isinstance(v, float) else v for name, v in asdict(found).items()}
 
 
 def _fit(fit: Fit) -> schema.FitReport:
@@ -196,50 +211,6 @@ def _loo(fit: Fit) -> schema.LeaveOneOut | None:
         pareto_k=short(loo.pareto_k, 3),
         agrees=loo.agrees,
     )
-
-
-def _warnings(fit: Fit) -> list[tuple[str, str]]:
-    found = []
-    p = fit.p_value
-    if p is not None and p < _WRONG_MODEL_P:
-        found.append(
-            (
-                "WRONG_MODEL",
-                (
-                    f"no model fits: reduced chi2 {fit.optimum.reduced_chi2:.3g} (p = {p:.1g}); intervals are "
-                    "not to be trusted. A film, a wrong angle zero, or sigmas stated too small?"
-                ),
-            )
-        )
-    if fit.saturated:
-        found.append(("SATURATED", f"{fit.saturated} saturated rows count as lower bounds only"))
-    if fit.estimated_sigma:
-        text = ", ".join(f"{name} {value:.3g}" for name, value in fit.estimated_sigma.items())
-        found.append(("SIGMA_ESTIMATED", f"no sigma was stated; estimated from the residuals: {text}"))
-    if not fit.posterior.converged and fit.posterior.chains:
-        worst = max(fit.posterior.chains.rhat_nested.values())
-        found.append(
-            (
-                "NOT_CONVERGED",
-                (
-                    f"after {fit.posterior.chains.steps} steps nested R-hat is {worst:.3f} and the effective sample "
-                    f"size {min(fit.posterior.ess.values()):.0f}; intervals are rough"
-                ),
-            )
-        )
-    angle = fit.intervals["brewster_deg"].median
-    low, high = fit.observations.theta_deg.min(), fit.observations.theta_deg.max()
-    if angle is not None and not low - _BEYOND_DEG <= angle <= high + _BEYOND_DEG:
-        found.append(
-            (
-                "ANGLE_RANGE",
-                (
-                    f"the Brewster angle {angle:.1f} deg lies outside of the angles measured, "
-                    f"{low:g} to {high:g} deg: it follows from the model alone"
-                ),
-            )
-        )
-    return found
 
 
 def _estimate(value: Interval) -> dict[str, Any]:

@@ -33,15 +33,25 @@ def compare(sample_name: str, fit: Fit) -> tuple[Literature | None, str | None]:
         return None, None
     table_eta, table_k = float(eta), float(k)
     measured = fit.intervals["eta"]
-    z = _z(measured, table_eta, 0.0)
-    literature = Literature(nearest=entry.name, eta=table_eta, k=table_k, z=z, source=entry.citation)
+    z, found_k = _z(measured, table_eta, 0.0), fit.intervals["k"]
+    known_k = None if found_k.status == "fixed" or not constants.k_known else _z(found_k, table_k, 0.0)
+    literature = Literature(
+        nearest=entry.name, eta=table_eta, k=table_k, z=z, z_k=known_k, source=entry.citation
+    )
     if entry.kind == "dielectric" and table_k < _TRANSPARENT and fit.intervals["k"].status == "identified":
         return literature, (
             f"k = {fit.intervals['k'].median:.3g} is needed, but {entry.name} is transparent at "
             f"{fit.wavelength_nm:g} nm; suspect stray light, a dark level, or a film"
         )
     if not _disagrees(entry, measured, table_eta):
-        return literature, None
+        # Tables differ in k as they do in eta; relative to the index, for k itself may be tiny.
+        z_k = _z(found_k, table_k, entry.spread * math.hypot(table_eta, table_k))
+        if entry.kind == "dielectric" or z_k is None or abs(z_k) <= DISAGREES:
+            return literature, None
+        return literature, (
+            f"k = {found_k.median:.4f} +- {found_k.sd:.4f}, but {entry.name} is {table_k:.4f} at "
+            f"{fit.wavelength_nm:g} nm ({entry.citation}); suspect a film, or another grade of material"
+        )
     return literature, (
         f"eta = {measured.median:.4f} +- {measured.sd:.4f}, but {entry.name} is {table_eta:.4f} at "
         f"{fit.wavelength_nm:g} nm ({abs(z or 0.0):.1f} sd away, {entry.citation}); suspect the angle zero, "

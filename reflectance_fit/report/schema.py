@@ -153,7 +153,36 @@ class Literature(_Part):
     eta: float
     k: float | None
     z: float | None = Field(description="(fitted - tabulated eta) / sd")
+    z_k: float | None = Field(None, description="(fitted - tabulated k) / sd; null where either is unknown")
     source: str
+
+
+class Sensitivity(_Part):
+    """How far the results move where one thing that was not fitted is off by ``amount``."""
+
+    disturbance: Literal[
+        "angle_offset",
+        "extinction_ratio",
+        "diffuse",
+        "black_level",
+        "source_polarization",
+        "analyzer_offset",
+    ]
+    amount: float
+    unit: str
+    eta: float = Field(description="change of eta")
+    k: float = Field(description="change of k; 0 where k was not fitted")
+    brewster_deg: float = Field(description="change of the Brewster angle, deg")
+
+
+class Health(_Part):
+    """An identity that holds for every material."""
+
+    check: Literal["rp_equals_rs_squared"]
+    theta_deg: float
+    value: float = Field(description="R_p; for signals the gain that they give by themselves")
+    expected: float = Field(description="R_s^2; for signals the fitted gain")
+    z: float = Field(description="how far R_p is from R_s^2, in standard deviations")
 
 
 class Channel(_Part):
@@ -168,6 +197,8 @@ class Channel(_Part):
     r0: Estimate
     schlick: SchlickError | None = Field(description="null where eta is not identified")
     literature: Literature | None = None
+    sensitivity: list[Sensitivity] = Field(default=[], description="largest first; of what was not fitted")
+    health: list[Health] = Field(default=[], description="near 45 deg only")
 
 
 class Effort(_Part):

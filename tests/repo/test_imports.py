@@ -18,7 +18,7 @@ FOLDERS = {
 LAYERS = (
     {"angles"},  # cosines of degrees by numpy alone, so that physics may stand on it
     {"physics"},
-    {"observations", "material", "materials", "priors", "result", "errors", "strict_yaml"}
+    {"observations", "examination", "material", "materials", "priors", "result", "errors", "strict_yaml"}
     | {"files", "inputs", "manifests", "measured", "nuisances", "observations_columns", "observations_file"}
     | {"yaml_edit"},
     {"measurement", "capture", "inference", "report", "plot", "data_synthetic"},
