@@ -282,8 +282,8 @@ def detectable(kind: str, n: int, families: Sequence[Family]) -> Iterator[Figure
 
 
 def caught(family: Family, trials: Sequence[Trial], families: Sequence[Family] = FAMILIES) -> str:
-    """The quantity whose ranks or intervals are outside of the card's bands, the furthest; empty where none is."""
+    """What of these trials is furthest outside of the card's bands; empty where nothing is."""
     level = sidak(sum(len(one.quantities) for one in families))
     p = p_values(family, trials)
     worst = min(p, key=lambda name: p[name])
-    return f"ranks of {worst}, p = {max(p[worst], 0.0):.0e}" if p[worst] < 1 - level else ""
+    return f"ranks of {worst}, p = {p[worst]:.0e}" if p[worst] < 1 - level else ""

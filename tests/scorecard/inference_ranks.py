@@ -57,7 +57,7 @@ def p_value(ranks: IntArray) -> float:
     over binomial steps is done here over Poisson ones: given their sum, Poisson
     counts are multinomial.
     """
-    return 1.0 - _stays_inside(len(ranks), tightest(ranks))
+    return max(1.0 - _stays_inside(len(ranks), tightest(ranks)), 0.0)
 
 
 def power(n: int, level: float, repeats: int = 1000) -> dict[str, float]:
