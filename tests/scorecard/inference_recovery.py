@@ -43,7 +43,7 @@ DESIGNS = {
 MOST_RATIO, BOUND_BELOW = 1.2, 0.05
 
 # Four settings, to near grazing, where s and p together tell the angle's offset; one lamp that holds still.
-ROBUST = Design((25.0, 40.0, 50.0, 55.0, 60.0, 65.0, 70.0, 75.0, 80.0, 84.0), FOUR_ANALYZERS, sigma=0.001)
+ROBUST = Design(tuple(np.linspace(20.0, 86.0, 16).tolist()), FOUR_ANALYZERS, sigma=0.0005)
 ROBUST_ETA = 1.5
 DISTURBED = {"angle_offset_deg": 0.5, "diffuse": 0.005, "source_dolp": 0.02, "diattenuation": (100 - 1) / (100 + 1)}
 # The contract's, but for the polarizer: whoever owns one of 100:1 states a sigma that admits it.
