@@ -3,10 +3,6 @@
 Talts et al., arXiv 1804.06788.  Beside eta, k and Brewster's angle the log-likelihood is
 ranked, which depends on the data too (Modrak et al., Bayesian Anal. (2023), 10.1214/23-BA1404):
 a posterior that is wrong in spread moves all coordinates' share of it the same way.
-
-The prior of a gain is 1/g, from which nothing can be drawn.  Truths have gains of 1/g over
-a wide range, at whose lower end they are still known to a few per cent: the share
-of truths near enough to an end to feel it is below a hundredth.
 """
 
 from __future__ import annotations
@@ -14,117 +10,34 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from card import Figure, Table
-from inference_ranks import BAND, DRAWS, EFFECTS, critical, p_value, power, rank, sidak
+from inference_families import FAMILIES, Family
+from inference_ranks import BAND, DRAWS, EFFECTS, p_value, power, rank, sidak
 from inference_scenes import (
-    FOUR_ANALYZERS,
-    LINEAR_45,
-    S_AND_P,
     SEED,
-    WITH_S3,
-    Design,
     FloatArray,
     brewster_deg,
     photographed,
     searched,
 )
-from scipy.stats import binom, truncnorm
+from scipy.stats import binom
 
 from reflectance_fit.inference import ladder
 from reflectance_fit.inference.forward import predict_vectors
 from reflectance_fit.inference.models import Model
 from reflectance_fit.inference.rows import Rows
 from reflectance_fit.observations import Observations
-from reflectance_fit.priors import NUISANCES, Prior
 
 Method = Literal["importance", "emcee"]
 
-QUANTITIES = ("eta", "k", "brewster_deg", "log-likelihood")
 LEVELS = (0.5, 0.8, 0.95)
 # 99 draws of so many effective ones repeat each other in 5 % of all ranks at most, by one place.
 MIN_ESS = 2000.0
 EMCEE_ESS = 1000.0
-
-
-@dataclass(frozen=True, slots=True)
-class Family:
-    """A kind of scene: its capture, its model with priors, and the range of gains in units of sigma."""
-
-    name: str
-    design: Design
-    model: str
-    priors: Mapping[str, Prior]
-    nuisances: Mapping[str, float] = field(default_factory=dict)
-    gains: tuple[float, float] = (300.0, 30_000.0)
-
-    @property
-    def quantities(self) -> tuple[str, ...]:
-        return tuple(name for name in QUANTITIES if name != "k" or self.model != "dielectric")
-
-    def truth(self, generator: np.random.Generator) -> tuple[dict[str, float], float]:
-        """eta, k and nuisances from their priors, and a gain."""
-        truth = {"eta": 1.5, "k": 0.0}
-        free = self.priors if self.model != "dielectric" else {"eta": self.priors["eta"]}
-        for name, prior in free.items():
-            truth[name] = float(prior.from_coordinate(generator.uniform(*prior.coordinate_range)))
-        for name, sigma in self.nuisances.items():
-            prior = NUISANCES[name].prior(sigma)
-            low, high = ((bound - prior.mean) / sigma for bound in (prior.low, prior.high))
-            truth[name] = prior.mean + sigma * float(truncnorm.rvs(low, high, random_state=generator))
-        low, high = self.gains
-        return truth, math.exp(generator.uniform(math.log(low), math.log(high)))
-
-
-def _prior(eta: tuple[float, float], k: tuple[float, float] = (0.0, 20.0)) -> dict[str, Prior]:
-    return {"eta": Prior("log_uniform", *eta), "k": Prior("uniform", *k)}
-
-
-def _angles(low: float, high: float, step: float) -> tuple[float, ...]:
-    return tuple(np.arange(low, high + step / 2, step).tolist())
-
-
-OFFSETS = {"angle_offset_deg": 0.5, "analyzer_offset_deg": 1.0}
-FAMILIES = (
-    Family(
-        "dielectric",
-        Design(_angles(20, 80, 5), S_AND_P, theta_sigma_deg=0.05),
-        "dielectric",
-        _prior((1.3, 2.4)),
-        {"angle_offset_deg": 0.5},
-    ),
-    Family(
-        "absorbing plastic",
-        Design(_angles(30, 75, 5), FOUR_ANALYZERS, LINEAR_45),
-        "conductor",
-        _prior((1.4, 1.7), (0.0, 0.3)),
-        OFFSETS,
-    ),
-    Family(
-        "metal",
-        Design(_angles(50, 85, 5), FOUR_ANALYZERS, LINEAR_45),
-        "conductor",
-        _prior((0.15, 3.0), (1.5, 7.0)),
-        OFFSETS,
-    ),
-    Family(
-        "sparse angles",
-        Design((40.0, 60.0, 75.0), S_AND_P),
-        "conductor",
-        _prior((1.2, 3.0), (0.0, 3.0)),
-        gains=(100.0, 10_000.0),
-    ),
-    Family(
-        "near Brewster",
-        Design(_angles(52, 60, 1), WITH_S3, LINEAR_45),
-        "conductor",
-        _prior((1.4, 1.6), (0.0, 0.05)),
-        {"angle_offset_deg": 0.5, "diffuse": 0.01},
-    ),
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +54,7 @@ Capture = Callable[[Observations, Mapping[str, float], float, np.random.Generato
 
 
 def trial(
-    family: Family, number: int, method: Method, capture: Capture = photographed, truths: Family | None = None
+    family: Family, method: Method, number: int, capture: Capture = photographed, truths: Family | None = None
 ) -> Trial:
     """Draw a truth (of ``truths``, where it is not the family's own), ``capture`` it, fit it and rank it."""
     generator = np.random.default_rng((SEED, number))
@@ -150,7 +63,9 @@ def trial(
     model, rows, _, basins = searched(family.model, o, family.priors, family.nuisances)
     ess = MIN_ESS if method == "importance" else EMCEE_ESS
     posterior = ladder.draw(model, rows, basins, method, (SEED, number), min_ess=ess)
-    return judged(family, posterior.samples, truth, model, rows, generator, posterior.method, posterior.converged)
+    return judged(
+        family, posterior.samples, truth, model, rows, generator, posterior.method, posterior.converged
+    )
 
 
 def judged(
@@ -200,7 +115,23 @@ def log_likelihood(rows: Rows, vectors: FloatArray) -> FloatArray:
     return np.asarray(-0.5 * (weight * (target - gain[:, None] * at_one) ** 2).sum(axis=1))
 
 
-def rank_figures(kind: str, found: Mapping[str, Sequence[Trial]], families: Sequence[Family]) -> Iterator[Figure]:
+def calibration_figures(
+    kind: str, found: Mapping[str, Sequence[Trial]], families: Sequence[Family]
+) -> Iterator[Figure | Table]:
+    """Ranks, what their bands can see, and coverage, of the same fits."""
+    yield from rank_figures(kind, found, families)
+    yield from detectable(kind, min(map(len, found.values())), families)
+    yield from coverage_figures(kind, found, families)
+    converged = sum(one.converged for trials in found.values() for one in trials)
+    total = sum(map(len, found.values()))
+    yield Figure.judged(
+        f"posteriors that converged, {kind}", f"{converged} of {total}", "all", converged == total
+    )
+
+
+def rank_figures(
+    kind: str, found: Mapping[str, Sequence[Trial]], families: Sequence[Family]
+) -> Iterator[Figure]:
     """A line a family: the quantity that is furthest from uniform, in bands that hold together."""
     level = sidak(sum(len(family.quantities) for family in families))
     for family in families:

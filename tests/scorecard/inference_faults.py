@@ -9,8 +9,9 @@ from unittest import mock
 
 import numpy as np
 from card import Figure, Table
-from inference_calibration import FAMILIES, Family, Trial, caught, trial
-from inference_quadrature import SCENES, Scene, against_grid
+from inference_calibration import Trial, caught, trial
+from inference_families import FAMILIES, Family
+from inference_quadrature import SCENES, against_grid
 from inference_scenes import DEFAULT_PRIORS, SEED, FloatArray, photographed, searched
 from numpy.typing import ArrayLike, NDArray
 
@@ -83,7 +84,10 @@ class Fault:
     family: Family
     capture: Callable[..., Observations] = photographed
     truths: Family | None = None
-    share: float = 1.0  # of the trials that the others get
+    share: int = 1  # of the trials that the others get
+
+    def trials(self, n: int) -> int:
+        return self.share * n
 
 
 FAULTS = (
@@ -91,7 +95,7 @@ FAULTS = (
     Fault("s and p swapped", DIM, partial(photographed, amplitudes=_swapped)),
     # The smallest of them: its signature is the log-likelihood, to which all of the metal's four
     # coordinates contribute; it needs as many truths as the calibration itself.
-    Fault(f"sigma x {SIGMA_FACTOR:g}", _BY_NAME["metal"], _quieter, share=5.0),
+    Fault(f"sigma x {SIGMA_FACTOR:g}", _BY_NAME["metal"], _quieter, share=5),
     Fault(f"black level off by {BLACK_ERROR:g} sigma", _BY_NAME["sparse angles"], _black),
     Fault(
         "dropped Jacobian of k^2",
@@ -106,21 +110,25 @@ TRUNCATED = "truncated chain"
 
 def planted(fault: Fault, number: int) -> Trial:
     """One trial with the fault."""
-    return trial(fault.family, number, "importance", fault.capture, fault.truths)
+    return trial(fault.family, "importance", number, fault.capture, fault.truths)
 
 
 def control(number: int) -> Trial:
     """One healthy trial of the only family that the calibration has not."""
-    return trial(DIM, number, "importance")
+    return trial(DIM, "importance", number)
 
 
-def truncated(scene: Scene = SCENES[0]) -> str:
-    """What the comparison with a grid finds of emcee stopped after its first steps, even if it says it converged."""
+def truncated(number: int) -> str:
+    """What the comparison of a scene with a grid finds of emcee stopped after its first steps.
+
+    Whether the run says itself that it did not converge is told, not judged.
+    """
+    scene = SCENES[number]
     o = scene.rows()
     model, rows, _, basins = searched(scene.model, o, DEFAULT_PRIORS, scene.nuisances)
     with mock.patch.multiple(posterior, BLOCK=4, MAX_STEPS=8):
         run = ladder.draw(model, rows, basins, "emcee", (SEED,), min_ess=1000.0)
-    comparisons = against_grid(scene, o, model, [replace(run, converged=True)])
+    comparisons = against_grid(o, model, [replace(run, converged=True)])
     worst = max(comparisons, key=lambda one: one.variation)
     said = "says itself that it has not converged" if not run.converged else "says that it converged"
     return "" if worst.good else f"total variation of {worst.parameter} {worst.variation:.2f}; {said}"

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from arviz_stats.base import array_stats
 from card import Figure, Table
+from inference_grid import marginals
 from inference_scenes import (
     DEFAULT_PRIORS,
     LINEAR_45,
@@ -19,7 +20,6 @@ from inference_scenes import (
     FloatArray,
     Reading,
     photographed,
-    reflected,
     searched,
 )
 
@@ -34,10 +34,6 @@ MOST_RUNS = 12
 # The most that chance may do: total variation of n draws in B equal bins is 0.4 sqrt(B / n) on average, 0.007 here.
 BINS = 10
 MOST_MEAN, MOST_SD, MOST_VARIATION = 4.0, 0.02, 0.02  # of the error of a mean; relative; absolute
-POINTS = {1: 4001, 2: 241, 3: 81}  # an axis; a smooth density needs 5 a standard deviation for 1e-8
-WIDTH = 7.0  # standard deviations to either side
-GAIN_NODES = np.linspace(-7.0, 7.0, 29)
-CHUNK = 4000
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +63,11 @@ SCENES = (
         "k at 0", Design((30.0, 50.0, 60.0, 70.0, 80.0), S_AND_P), "conductor", {"eta": 1.5, "k": 0.0}, 200.0
     ),
     Scene(
-        "a bent ridge of a metal", Design((45.0, 60.0, 75.0), S_AND_P), "conductor", {"eta": 0.9, "k": 3.0}, 300.0
+        "a bent ridge of a metal",
+        Design((45.0, 60.0, 75.0), S_AND_P),
+        "conductor",
+        {"eta": 0.9, "k": 3.0},
+        300.0,
     ),
     Scene(
         "near Brewster's angle, with S3",
@@ -92,29 +92,6 @@ SCENES = (
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Marginal:
-    """One parameter's posterior on a grid of its coordinate."""
-
-    name: str
-    grid: FloatArray
-    density: FloatArray
-
-    @property
-    def mean(self) -> float:
-        return float(np.trapezoid(self.grid * self.density, self.grid))
-
-    @property
-    def sd(self) -> float:
-        return math.sqrt(np.trapezoid((self.grid - self.mean) ** 2 * self.density, self.grid))
-
-    def edges(self) -> FloatArray:
-        """Of BINS equally probable bins, the outer ones without end."""
-        steps = np.diff(self.grid) * (self.density[1:] + self.density[:-1]) / 2
-        below = np.concatenate([[0.0], np.cumsum(steps)])
-        return np.interp(np.arange(1, BINS) / BINS, below / below[-1], self.grid)
-
-
 @dataclass(frozen=True, slots=True)
 class Comparison:
     """Draws against one marginal: mean in standard errors, relative sd, total variation."""
@@ -136,26 +113,27 @@ class Comparison:
         )
 
 
-def compared(scene: Scene, least_ess: float = LEAST_ESS) -> list[Comparison]:
-    """Pooled emcee runs against the grid; one comparison a parameter."""
+def compared(number: int, least_ess: float = LEAST_ESS) -> list[Comparison]:
+    """Pooled emcee runs of a scene against the grid; one comparison a parameter."""
+    scene = SCENES[number]
     o = scene.rows()
     model, rows, _, basins = searched(scene.model, o, DEFAULT_PRIORS, scene.nuisances)
     runs: list[Posterior] = []
     while len(runs) < MOST_RUNS and (not runs or _ess(model, runs).min() < least_ess):
         ess = min(least_ess, RUN_ESS)
         runs.append(ladder.draw(model, rows, basins, "emcee", (SEED, len(runs)), min_ess=ess))
-    return against_grid(scene, o, model, runs)
+    return against_grid(o, model, runs)
 
 
-def against_grid(scene: Scene, o: Observations, model: Model, runs: Sequence[Posterior]) -> list[Comparison]:
+def against_grid(o: Observations, model: Model, runs: Sequence[Posterior]) -> list[Comparison]:
     """The judge: ``runs`` of one model, pooled, against the grid's marginals."""
     draws = _coordinates(model, runs)
     ess = _ess(model, runs)
     converged = all(run.converged for run in runs)
     found = []
-    for j, marginal in enumerate(marginals(scene, o, model, draws)):
+    for j, marginal in enumerate(marginals(o, model, draws)):
         x = draws[:, j]
-        counts = np.bincount(np.searchsorted(marginal.edges(), x), minlength=BINS)
+        counts = np.bincount(np.searchsorted(marginal.edges(BINS), x), minlength=BINS)
         found.append(
             Comparison(
                 marginal.name,
@@ -180,67 +158,16 @@ def _coordinates(model: Model, runs: Sequence[Posterior]) -> FloatArray:
 def _ess(model: Model, runs: Sequence[Posterior]) -> FloatArray:
     """Of the draws that were kept, summed over runs; shape (P,)."""
     return np.array(
-        [sum(float(array_stats.ess(r.samples[n], chain_axis=0, draw_axis=1)) for r in runs) for n in model.names]
+        [
+            sum(float(array_stats.ess(r.samples[n], chain_axis=0, draw_axis=1)) for r in runs)
+            for n in model.names
+        ]
     )
 
 
-def marginals(scene: Scene, o: Observations, model: Model, draws: FloatArray) -> list[Marginal]:
-    """The posterior on a grid; ``draws`` only say over which range it has to reach.
-
-    Each mode that a gap in the draws parts gets an axis of its own.
-    """
-    axes = []
-    for j, prior in enumerate(model.priors):
-        low, high = prior.coordinate_range
-        x = np.sort(draws[:, j])
-        gap = int(np.argmax(np.diff(x)))
-        parts = [x[: gap + 1], x[gap + 1 :]] if x[gap + 1] - x[gap] > np.ptp(x) / 4 else [x]
-        pieces = []
-        for part in parts:
-            reach = (WIDTH - 4.0) * part.std()  # the extreme draws are 4 standard deviations out
-            ends = max(low, part[0] - reach), min(high, part[-1] + reach)
-            pieces.append(np.linspace(*ends, POINTS[len(model.names)]))
-        axes.append(np.concatenate(pieces))
-    mesh = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    points = mesh.reshape(-1, len(axes))
-    log_density = np.concatenate(
-        [log_posterior(o, model, points[i : i + CHUNK]) for i in range(0, len(points), CHUNK)]
-    )
-    density = np.exp(log_density - log_density.max()).reshape(mesh.shape[:-1])
-    found = []
-    for j, name in enumerate(model.names):
-        one = density
-        for i in reversed(range(len(axes))):
-            if i != j:
-                one = np.trapezoid(one, axes[i], axis=i)
-        found.append(Marginal(name, axes[j], one / np.trapezoid(one, axes[j])))
-    return found
-
-
-def log_posterior(o: Observations, model: Model, x: FloatArray) -> FloatArray:
-    """Log posterior of coordinates, shape (D, P): readable physics, the gain summed over a grid of its own."""
-    units = {"eta": np.full(len(x), 1.5), "k": np.zeros(len(x))} | {
-        name: prior.from_coordinate(x[:, j])
-        for j, (name, prior) in enumerate(zip(model.names, model.priors, strict=True))
-    }
-    f = reflected(o, units["eta"], units["k"], units)
-    weight = o.sigma**-2
-    a, b, c = ((weight * pair).sum(axis=-1) for pair in (f * f, f * o.value, o.value**2))
-    log_prior = np.zeros(len(x))
-    for j, prior in enumerate(model.priors):
-        if prior.kind == "normal":
-            log_prior -= 0.5 * ((x[:, j] - prior.mean) / prior.sigma) ** 2
-    if not o.gain_group[0]:
-        return np.asarray(log_prior - 0.5 * (a - 2 * b + c))
-    # exp(-chi2(g) / 2) dg / g over g = best + t / sqrt(a), t as many standard deviations.
-    best = b / a
-    gain = best[:, None] + GAIN_NODES / np.sqrt(a)[:, None]
-    log_integral = np.log(np.sum(np.exp(-0.5 * GAIN_NODES**2) / gain, axis=1)) - 0.5 * np.log(a)
-    return np.asarray(log_prior - 0.5 * (c - b * best) + log_integral)
-
-
-def quadrature_figures(found: Mapping[str, Sequence[Comparison]]) -> Iterator[Figure | Table]:
-    every = [(scene, one) for scene, comparisons in found.items() for one in comparisons]
+def quadrature_figures(found: Sequence[Sequence[Comparison]]) -> Iterator[Figure | Table]:
+    """``found`` in the order of SCENES."""
+    every = [(SCENES[i].name, one) for i, comparisons in enumerate(found) for one in comparisons]
     scene, least = min(every, key=lambda pair: pair[1].ess)
     yield Figure.judged(
         "emcee against a grid: effective sample size",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from card import Figure, Table
@@ -45,7 +46,12 @@ MOST_RATIO, BOUND_BELOW = 1.2, 0.05
 # Four settings, to near grazing, where s and p together tell the angle's offset; one lamp that holds still.
 ROBUST = Design(tuple(np.linspace(20.0, 86.0, 16).tolist()), FOUR_ANALYZERS, sigma=0.0005)
 ROBUST_ETA = 1.5
-DISTURBED = {"angle_offset_deg": 0.5, "diffuse": 0.005, "source_dolp": 0.02, "diattenuation": (100 - 1) / (100 + 1)}
+DISTURBED = {
+    "angle_offset_deg": 0.5,
+    "diffuse": 0.005,
+    "source_dolp": 0.02,
+    "diattenuation": (100 - 1) / (100 + 1),
+}
 # The contract's, but for the polarizer: whoever owns one of 100:1 states a sigma that admits it.
 NUISANCES = {
     "angle_offset_deg": 0.5,
@@ -66,28 +72,30 @@ class Errors:
     bounds: Mapping[str, float]
 
 
-def recovered(material: str, design: str, numbers: Sequence[int]) -> list[Errors]:
-    """One optimum for each number."""
+def recovered(material: str, design: str, number: int) -> Errors:
+    """The optimum of one capture."""
+    model, truth, bounds = _cell(material, design)
+    generator = np.random.default_rng((SEED, MATERIALS.index(material), number))
+    o = photographed(DESIGNS[design].rows(), truth, 1.0, generator)
+    _, _, optimum, _ = searched(model, o, DEFAULT_PRIORS, {})
+    best = {"eta": optimum.eta, "k": optimum.k}
+    return Errors({name: best[name] / truth[name] - 1 for name in bounds}, bounds)
+
+
+@cache
+def _cell(material: str, design: str) -> tuple[str, dict[str, float], dict[str, float]]:
+    """Model, truth and the bounds of relative errors."""
     eta, k = (float(x) for x in library.get(material).absolute_index(WAVELENGTH_NM))
-    o = DESIGNS[design].rows()
-    truth = {"eta": eta, "k": k} if material in CONDUCTORS else {"eta": eta, "k": 0.0}
-    model = "conductor" if material in CONDUCTORS else "dielectric"
-    names = ("eta", "k") if model == "conductor" else ("eta",)
-    clean = replace(o, value=reflected(o, eta, truth["k"], {})[0])
+    model, names = ("conductor", ("eta", "k")) if material in CONDUCTORS else ("dielectric", ("eta",))
+    truth = {"eta": eta, "k": k if model == "conductor" else 0.0}
+    rows = DESIGNS[design].rows()
+    o = replace(rows, value=reflected(rows, eta, truth["k"], {})[0])
     priors = {name: DEFAULT_PRIORS[name] for name in names}
-    covariance = information(
-        clean, eta, truth["k"], exterior_ior=EXTERIOR, priors=priors, nuisances={}
-    ).covariance(*names)
-    sd = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    found = information(o, eta, truth["k"], exterior_ior=EXTERIOR, priors=priors, nuisances={})
+    sd = np.sqrt(np.diag(found.covariance(*names)))
     # Of log(eta) it is relative as it is.
-    bounds = {name: sd[name] / (truth[name] if name == "k" else 1.0) for name in names}
-    found = []
-    for number in numbers:
-        generator = np.random.default_rng((SEED, MATERIALS.index(material), number))
-        _, _, optimum, _ = searched(model, photographed(o, truth, 1.0, generator), DEFAULT_PRIORS, {})
-        best = {"eta": optimum.eta, "k": optimum.k}
-        found.append(Errors({name: best[name] / truth[name] - 1 for name in names}, bounds))
-    return found
+    scale = {"eta": 1.0, "k": truth["k"]}
+    return model, truth, {name: float(s) / scale[name] for name, s in zip(names, sd, strict=True)}
 
 
 def recovery_figures(found: Mapping[tuple[str, str], Sequence[Errors]]) -> Iterator[Figure | Table]:
@@ -119,7 +127,7 @@ class Arm:
     method: str
 
 
-def disturbed(number: int, nuisances: Mapping[str, float]) -> Arm:
+def disturbed(nuisances: Mapping[str, float], number: int) -> Arm:
     generator = np.random.default_rng((SEED, number))
     truth = {
         "eta": ROBUST_ETA,
