@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
 
-import inference_optimizer  # MERGE: the module comes with the optimiser's own branch
+import inference_optimizer
 from card import Figure, Table
 from inference_calibration import calibration_figures, trial
+from inference_captures import SEED
 from inference_families import FAMILIES
 from inference_faults import DIM, FAULTS, control, fault_figures, planted, truncated
 from inference_quadrature import LEAST_ESS, SCENES, compared, quadrature_figures
@@ -27,7 +28,6 @@ from inference_recovery import (
     recovery_figures,
     robust_figures,
 )
-from inference_scenes import SEED
 from inference_verdicts import BLIND, DIELECTRIC, METAL, verdict, verdict_figures
 
 T = TypeVar("T")
@@ -77,7 +77,7 @@ def about(*, full: bool) -> str:
         f"coverage. Recovery: {size.cell} captures in each of {len(MATERIALS)} x {len(DESIGNS)} cells, optimum only. Disturbances: "
         f"{size.robust} captures of glass at 16 angles behind 4 analyzers, noise 0.05 % of a mirror's signal; priors as in the "
         f"contract, but a sigma of 0.02 for the polarizer. Choice: {size.good} captures each, model auto; inputs that cannot "
-        f"know: {size.blind} of each kind."
+        f"know: {size.blind} of each kind. {inference_optimizer.about(full=full)}"
     )
 
 

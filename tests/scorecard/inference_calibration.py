@@ -15,15 +15,15 @@ from typing import Literal
 
 import numpy as np
 from card import Figure, Table
-from inference_families import FAMILIES, Family
-from inference_ranks import BAND, DRAWS, EFFECTS, p_value, power, rank, sidak
-from inference_scenes import (
+from inference_captures import (
     SEED,
     FloatArray,
     brewster_deg,
     photographed,
     searched,
 )
+from inference_families import FAMILIES, Family
+from inference_ranks import BAND, DRAWS, EFFECTS, p_value, power, rank, sidak
 from scipy.stats import binom
 
 from reflectance_fit.inference import ladder

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from inference_scenes import FOUR_ANALYZERS, LINEAR_45, S_AND_P, WITH_S3, Design
+from inference_captures import FOUR_ANALYZERS, LINEAR_45, S_AND_P, WITH_S3, Design
 from scipy.stats import truncnorm
 
 from reflectance_fit.priors import NUISANCES, Prior

@@ -10,9 +10,9 @@ from unittest import mock
 import numpy as np
 from card import Figure, Table
 from inference_calibration import Trial, caught, trial
+from inference_captures import DEFAULT_PRIORS, SEED, FloatArray, photographed, searched
 from inference_families import FAMILIES, Family
 from inference_quadrature import SCENES, against_grid
-from inference_scenes import DEFAULT_PRIORS, SEED, FloatArray, photographed, searched
 from numpy.typing import ArrayLike, NDArray
 
 from reflectance_fit.inference import ladder, posterior

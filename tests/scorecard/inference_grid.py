@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from inference_scenes import FloatArray, reflected
+from inference_captures import FloatArray, reflected
 
 from reflectance_fit.inference.models import Model
 from reflectance_fit.observations import Observations

@@ -9,8 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from arviz_stats.base import array_stats
 from card import Figure, Table
-from inference_grid import marginals
-from inference_scenes import (
+from inference_captures import (
     DEFAULT_PRIORS,
     LINEAR_45,
     S_AND_P,
@@ -22,6 +21,7 @@ from inference_scenes import (
     photographed,
     searched,
 )
+from inference_grid import marginals
 
 from reflectance_fit.inference import ladder
 from reflectance_fit.inference.models import Model

@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 from card import Figure, Table
-from inference_scenes import (
+from inference_captures import (
     DEFAULT_PRIORS,
     EXTERIOR,
     FOUR_ANALYZERS,

@@ -8,7 +8,7 @@ from unittest import mock
 
 import numpy as np
 from card import Figure, Table
-from inference_scenes import (
+from inference_captures import (
     DEFAULT_PRIORS,
     EXTERIOR,
     FOUR_ANALYZERS,

@@ -16,13 +16,13 @@ from scipy.stats import kstest, norm
 sys.path.append(str(Path(__file__).parent))
 
 import inference_calibration as calibration
+import inference_captures as captures
 import inference_families as families
 import inference_faults as faults
 import inference_grid as grid
 import inference_quadrature as quadrature
 import inference_ranks as ranks
 import inference_recovery as recovery
-import inference_scenes as scenes
 import inference_verdicts as verdicts
 
 from reflectance_fit.inference import models
@@ -33,8 +33,8 @@ from reflectance_fit.result import Posterior
 
 SMALL = 40
 READINGS = (
-    *scenes.WITH_S3,
-    *(scenes.Reading(q) for q in ("signal_s", "signal_p", "signal", "reflectance", "psi_deg", "delta_deg")),
+    *captures.WITH_S3,
+    *(captures.Reading(q) for q in ("signal_s", "signal_p", "signal", "reflectance", "psi_deg", "delta_deg")),
 )
 
 
@@ -56,14 +56,14 @@ def test_captures_are_what_the_fit_takes_them_for(eta, k, offset, analyzer, dolp
         "source_azimuth_deg": azimuth,
         "diattenuation": diattenuation,
     }
-    o = scenes.Design((20.0, 56.0, 80.0), READINGS, (1.0, 0.2, 0.5, 0.1)).rows()
-    found = scenes.reflected(o, eta, k, nuisances)
+    o = captures.Design((20.0, 56.0, 80.0), READINGS, (1.0, 0.2, 0.5, 0.1)).rows()
+    found = captures.reflected(o, eta, k, nuisances)
     vector = neutral_vector()
     vector[:2] = eta, k
     for name, value in nuisances.items():
         vector[2 + NUISANCES[name].index] = value
     expected = predict_vectors(
-        pack(replace(o, value=found[0] + 1.0), scenes.EXTERIOR), vector[None], np.ones(1)
+        pack(replace(o, value=found[0] + 1.0), captures.EXTERIOR), vector[None], np.ones(1)
     )
     difference = np.where(
         o.quantity == "delta_deg", (found - expected + 180.0) % 360.0 - 180.0, found - expected
@@ -107,7 +107,7 @@ def test_truths_come_from_the_priors_of_the_fit(family):
     truths, gains = zip(*(family.truth(generator) for _ in range(300)), strict=True)
     low, high = np.log(family.gains)
     assert kstest((np.log(gains) - low) / (high - low), "uniform").pvalue > 1e-3
-    rows = pack(family.design.rows(), scenes.EXTERIOR)
+    rows = pack(family.design.rows(), captures.EXTERIOR)
     model = models.build(family.model, rows, family.priors, family.nuisances, [])
     for name, prior in zip(model.names, model.priors, strict=True):
         x = prior.to_coordinate([truth[name] for truth in truths])
@@ -141,10 +141,10 @@ def test_a_planted_fault_is_caught(name):
 
 def test_handedness_is_felt_by_s3_only():
     """A wrong sign of k shows in the rows behind the quarter-wave plate, nowhere else."""
-    o = scenes.Design((50.0, 60.0), scenes.WITH_S3, scenes.LINEAR_45).rows()
+    o = captures.Design((50.0, 60.0), captures.WITH_S3, captures.LINEAR_45).rows()
     right, wrong = (
-        scenes.reflected(o, 1.5, 0.5, {}, amplitudes)
-        for amplitudes in (scenes.fresnel.amplitudes, faults._conjugate)
+        captures.reflected(o, 1.5, 0.5, {}, amplitudes)
+        for amplitudes in (captures.fresnel.amplitudes, faults._conjugate)
     )
     np.testing.assert_array_equal((np.abs(right - wrong) > 1e-6)[0], np.isfinite(o.retarder_deg))
 
@@ -154,7 +154,7 @@ def test_intervals_too_narrow_leave_the_coverage_band():
     family = families.Family("normal", SPARSE.design, "conductor", SPARSE.priors)
     generator = np.random.default_rng(4)
     o = SPARSE.design.rows()
-    rows = pack(replace(o, value=o.value + 1.0), scenes.EXTERIOR)
+    rows = pack(replace(o, value=o.value + 1.0), captures.EXTERIOR)
     model = models.build("conductor", rows, SPARSE.priors, {}, [])
     trials = {}
     for scale in (1.0, 0.5):
@@ -187,10 +187,10 @@ def drawn(marginals, model, n, *, widened=1.0, moved=0.0):
 )
 def test_the_grid_judges(change, good):
     scene = next(one for one in quadrature.SCENES if one.name == "two modes")
-    scene = replace(scene, design=replace(scene.design, readings=(scenes.Reading("reflectance_s"),)))
+    scene = replace(scene, design=replace(scene.design, readings=(captures.Reading("reflectance_s"),)))
     o = scene.rows()
     model = models.build(
-        "dielectric", pack(o, scenes.EXTERIOR), {"eta": Prior("log_uniform", 1.2, 2.0)}, {}, []
+        "dielectric", pack(o, captures.EXTERIOR), {"eta": Prior("log_uniform", 1.2, 2.0)}, {}, []
     )
     marginals = grid.marginals(o, model, np.log(np.random.default_rng(6).uniform(1.2, 2.0, (1000, 1))))
     comparisons = quadrature.against_grid(o, model, [drawn(marginals, model, 40_000, **change)])
@@ -200,10 +200,10 @@ def test_the_grid_judges(change, good):
 def test_the_gain_is_summed_as_by_an_adaptive_rule():
     scene = replace(quadrature.SCENES[1], gain=20.0)
     o = scene.rows()
-    model = models.build("conductor", pack(o, scenes.EXTERIOR), scenes.DEFAULT_PRIORS, {}, [])
+    model = models.build("conductor", pack(o, captures.EXTERIOR), captures.DEFAULT_PRIORS, {}, [])
     points = np.array([[math.log(1.5), 0.1], [math.log(1.6), 0.3]])
     found = grid.log_posterior(o, model, points)
-    f = scenes.reflected(o, np.exp(points[:, 0]), points[:, 1], {})
+    f = captures.reflected(o, np.exp(points[:, 0]), points[:, 1], {})
 
     def integral(f):
         def density(g):
