@@ -44,7 +44,8 @@ def fake(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("kind", "known"), [("scorecard", {"capture", "fresnel"}), ("benchmarks", {"startup", "demo", "fresnel"})]
+    ("kind", "known"),
+    [("scorecard", {"capture", "fresnel", "inference"}), ("benchmarks", {"startup", "demo", "fresnel"})],
 )
 def test_an_unknown_name_lists_the_names(kind, known):
     line = [sys.executable, TESTS / kind / "run.py", "nothing"]
