@@ -31,7 +31,7 @@ def predictor(fit: Fit) -> Callable[..., FloatArray]:
     It returns values in each row's unit, shape (D, N), every draw with the
     gains that the fitted data give it.
     """
-    measured = pack(fit.observations, fit.exterior_ior)
+    measured = pack(fit.observations, fit.exterior_ior)._replace(heavy_tailed=fit.noise == "student_t")
     gains = gain_names(fit.observations)
     largest = dict(zip(map(str, fit.observations.gain_group), measured.largest, strict=True))
     sigmas = [fit.estimated_sigma[name] for name in estimated_names(fit.observations)]
