@@ -32,10 +32,10 @@ from reflectance_fit.result import Optimum
 
 FloatArray = NDArray[np.float64]
 
-_STARTS, _CLOSED = 5, 2
+_STARTS, _CLOSED = 4, 2
 # Where there is doubt: the lowest of all points, and one of so many of the grid.
 _MORE, _EVERY = 40, 5
-_RIVAL = 4.0
+_RIVAL, _WEAK = 1.0, 0.1
 # Minima whose objectives differ by no more may be one.
 _SAME = 1e-3
 
@@ -97,36 +97,37 @@ def _starts(model: Model, rows: Rows, problem: Problem) -> tuple[FloatArray, Flo
 def _doubtful(model: Model, rows: Rows, basins: list[optimize.Basin]) -> bool:
     """Whether there may be a lower minimum that the first starts missed.
 
-    So where basins rival each other, none has converged, or total reflection puts a corner at every angle.
+    So where basins rival each other, none has converged, or total reflection by next to no k puts a corner at every angle.
     """
     if not basins or not basins[0].converged:
         return True
-    eta = model.full(basins[0].x)[0, ETA]
-    reflected = bool(eta < rows.exterior_ior * np.max(np.abs(rows.sin_theta)))
-    return reflected or (len(basins) > 1 and basins[1].objective - basins[0].objective < _RIVAL)
+    vector = model.full(basins[0].x)[0]
+    corners = vector[ETA] < rows.exterior_ior * np.max(np.abs(rows.sin_theta)) and vector[K] < _WEAK
+    return bool(corners) or (len(basins) > 1 and basins[1].objective - basins[0].objective < _RIVAL)
 
 
 def _descended(rows: Rows, problem: Problem, points: FloatArray) -> list[optimize.Basin]:
     """The minima that Gauss-Newton finds, best first, each once."""
     values, converged, nan_count = descend_all(rows, problem, points)
     kept: list[optimize.Basin] = []
+    reach: list[FloatArray] = []  # how far from each of them another end is the same minimum
     for i in np.argsort(values, kind="stable"):
         x, value = points[i], float(values[i])
-        if math.isfinite(value) and not any(_same(problem, x, value, other) for other in kept):
+        if not math.isfinite(value):
+            break
+        same = (
+            value - other.objective <= _SAME and not (abs(x - other.x) > near).any()
+            for other, near in zip(kept, reach, strict=True)
+        )
+        if not any(same):
             curvature = _curvature(rows, problem, x)
             kept.append(optimize.Basin(x, value, 0, bool(converged[i]), curvature=curvature))
+            # A tenth of a standard deviation.
+            deviation = 0.1 / np.sqrt(np.maximum(curvature.diagonal(), 1e-300))
+            reach.append(np.maximum(1e-6 * (problem.high - problem.low), deviation))
     if kept:
         kept[0] = replace(kept[0], nan_count=nan_count)
     return kept
-
-
-def _same(problem: Problem, x: FloatArray, value: float, other: optimize.Basin) -> bool:
-    """Whether ``x`` is the minimum ``other`` over again: no higher, and within a tenth of a standard deviation."""
-    if value - other.objective > _SAME or other.curvature is None:
-        return False
-    stiff = np.maximum(other.curvature.diagonal(), 1e-300)
-    near = np.maximum(1e-6 * (problem.high - problem.low), 0.1 / np.sqrt(stiff))
-    return bool((np.abs(x - other.x) <= near).all())
 
 
 def _curvature(rows: Rows, problem: Problem, x: FloatArray) -> FloatArray:

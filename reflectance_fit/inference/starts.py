@@ -78,17 +78,18 @@ def closed_forms(model: Model, rows: Rows) -> FloatArray:
     index = index[np.isfinite(index).all(axis=1) & (index[:, 0] > 0)]
     free = _material(model)
     columns = [model.priors[j].to_coordinate(index[:, int(model.places[j] == K)]) for j in free]
-    return _points(model, np.stack(columns, axis=1), free)
+    return np.clip(_points(model, np.stack(columns, axis=1), free), *model.ranges.T)
 
 
 def _points(model: Model, values: FloatArray, free: list[int]) -> FloatArray:
     points = np.tile(np.array([prior.centre for prior in model.priors]), (len(values), 1))
     points[:, free] = values
-    return np.clip(points, *model.ranges.T)
+    return points
 
 
 def _few(indices: NDArray[np.int64]) -> NDArray[np.int64]:
-    return indices[np.linspace(0, len(indices) - 1, min(len(indices), _MOST_ROWS)).astype(int)]
+    chosen = np.linspace(0, len(indices) - 1, min(len(indices), _MOST_ROWS)).astype(np.int64)
+    return np.asarray(indices[chosen])
 
 
 def _rows_of(rows: Rows, quantity: Quantity) -> NDArray[np.int64]:
@@ -100,8 +101,8 @@ def _pairs(rows: Rows, first: Quantity, second: Quantity) -> tuple[NDArray[np.in
     """Rows of two quantities at equal angles."""
     there = {float(rows.cos_theta[i]): i for i in _rows_of(rows, second)}
     pairs = [(i, there[c]) for i in _rows_of(rows, first) if (c := float(rows.cos_theta[i])) in there]
-    chosen = np.array(pairs, dtype=np.int64).reshape(-1, 2)
-    return (*_few(chosen).T,) if len(chosen) else (chosen[:, 0], chosen[:, 1])  # type: ignore[return-value]
+    chosen = _few(np.array(pairs, dtype=np.int64).reshape(-1, 2))
+    return chosen[:, 0], chosen[:, 1]
 
 
 def _ellipsometric(rows: Rows) -> FloatArray:
