@@ -20,6 +20,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, fields
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -94,10 +95,10 @@ class Journal:
     """One chain's file; reads what is valid of an earlier run, then appends.  Without a place it keeps nothing."""
 
     def __init__(self, name: str, job: bytes) -> None:
-        """``job`` is everything that the chain follows from."""
+        """``job`` is everything that the chain follows from, but for this package's version."""
         place = _PLACE.get()
         self.path = None if place is None else place.folder / f"{name}.chain"
-        self._job = hashlib.sha256(job).digest()
+        self._job = hashlib.sha256(version("reflectance_fit").encode() + job).digest()
         self.blocks: list[Block] = []
         self._end = 0
         if self.path is None or place is None or not place.resume or not self.path.exists():

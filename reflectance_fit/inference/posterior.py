@@ -14,7 +14,6 @@ import emcee
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit import __version__
 from reflectance_fit.inference import batch
 from reflectance_fit.inference.checkpoint import Block, Journal
 from reflectance_fit.inference.ensembles import SeparateEnsembles
@@ -71,7 +70,6 @@ def sample(
     state = emcee.State(first, random_state=np.random.RandomState(bits).get_state())
     # The densities of the first walkers stand for the data.
     settings = (
-        __version__,
         emcee.__version__,
         model.name,
         model.names,
