@@ -233,18 +233,17 @@ def _wavelengths(path: Path) -> list[float]:
 
 def _oxide() -> Iterator[Figure]:
     """309 nm of SiO2 on Si by absolute R_p and R_s: one interface must be rejected at every wavelength."""
-    for kind in ("", "fl_"):
-        name = f"bare_sio2_sample1_{kind}20080421.dat"
-        report = _fit(
-            "sample: {name: wafer}\ntables:\n  - {file: t.dat, format: woollam_vase, "
-            f"quantities: [reflectance_p, reflectance_s], wavelengths_nm: {list(FILM_NM)}}}\n",
-            {"t.dat": f"{VASE}/pR_sR/{name}"},
-        )
-        wrong = {w.channel for w in report.warnings if w.code == "WRONG_MODEL"}
-        least = min(f.fit.reduced_chi2 or 0.0 for f in report.fits)
-        yield Figure.judged(
-            f"{name}, 309 nm of oxide: wavelengths where one interface is WRONG_MODEL",
-            f"{len(wrong)} of {len(report.channels)}, smallest reduced chi2 {least:.3g}",
-            "all",
-            len(wrong) == len(report.channels),
-        )
+    name = "bare_sio2_sample1_fl_{}_pol_20080421.dat"
+    tables = "".join(f"  - {{file: {x}.dat, format: woollam_vase}}\n" for x in "ps")
+    report = _fit(
+        f"sample: {{name: wafer}}\nwavelengths_nm: {list(FILM_NM)}\ntables:\n{tables}",
+        {f"{x}.dat": f"{VASE}/pR_sR/{name.format(x)}" for x in "ps"},
+    )
+    wrong = {w.channel for w in report.warnings if w.code == "WRONG_MODEL"}
+    least = min(f.fit.reduced_chi2 or 0.0 for f in report.fits)
+    yield Figure.judged(
+        "pR_sR, 309 nm of oxide on silicon: wavelengths where one interface is WRONG_MODEL",
+        f"{len(wrong)} of {len(report.channels)}, smallest reduced chi2 {least:.3g}",
+        "all",
+        len(wrong) == len(report.channels),
+    )
