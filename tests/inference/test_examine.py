@@ -171,14 +171,13 @@ def test_a_wrong_angle_zero_is_no_film(rows_of, priors):
 def test_clean_interfaces_are_not_called_a_film(rows_of, priors, kind):
     """Ten materials with noise as stated, half of them not quite of the table's grade.
 
-    A rate of 1 % would give two or more in a quarter of all runs, so this says only that the rate is
-    not far above; it was measured at 1 of 300.
+    At a rate of 1 % an alarm among 20 is one run in five, two are one in sixty.
     """
     o = kind(rows_of)
     generator = np.random.default_rng(20260101)
     names = ("Si", "Al", "Cu", "Au", "Ag", "Ge", "Cr", "Ta", "Fe", "Ti")
     alarms = 0
-    for seed in range(40):
+    for seed in range(20):
         index = index_of(names[seed % len(names)])
         grade = 1 + (seed % 2) * 0.005 * generator.standard_normal(2)
         index = complex(index.real * grade[0], index.imag * grade[1])
@@ -191,21 +190,21 @@ def test_clean_interfaces_are_not_called_a_film(rows_of, priors, kind):
 
 
 def test_without_sigma_residuals_that_bend_are_told_from_scatter(rows_of, priors):
-    """Normal where rows are independent, far out where drop-outs follow each other."""
+    """Normal where rows are independent, far out where the angles are 4 degrees off."""
     theta = np.linspace(20.0, 80.0, 61)
     o = concatenate([rows_of(theta, f"signal_{x}", 1.0, sigma=0.003, gain_group=x) for x in "sp"])
     clean = bulk(o, 1.5 + 0j)
     z = []
-    for seed in range(60):
+    for seed in range(12):
         unstated = replace(noisy(o, clean, seed), sigma=np.full(len(o), np.nan))
         z.append(examine(fitted(unstated, priors, "dielectric"), "x").missing_runs)
     # Signs around a fitted curve alternate a little too often: a few parameters' worth.
-    assert abs(np.mean(z)) < 0.6
-    assert 0.7 < np.std(z) < 1.3
+    assert abs(np.mean(z)) < 1.2
+    assert 0.4 < np.std(z) < 1.7
     assert np.max(z) < 4
-    lost = replace(noisy(o, clean * np.where((theta > 30) & (theta < 45), 0.8, 1.0).repeat(2).reshape(61, 2).T.ravel(), 1),
-                   sigma=np.full(len(o), np.nan))  # fmt: skip
-    assert examine(fitted(lost, priors, "dielectric"), "x").missing_runs > 4
+    turned = bulk(replace(o, theta_deg=o.theta_deg + 4.0), 1.5 + 0j)
+    bent = replace(noisy(o, turned, 1), sigma=np.full(len(o), np.nan))
+    assert examine(fitted(bent, priors, "dielectric"), "x").missing_runs > 4
     assert examine(fitted(noisy(o, clean, 1), priors, "dielectric"), "x").missing_runs is None
 
 
@@ -261,11 +260,11 @@ def test_signals_of_one_lamp_give_its_gain(rows_of, priors):
 def test_health_is_normal_where_all_is_well(rows_of, priors):
     o = absolute(rows_of)
     z = np.array(
-        [examine(fitted(noisy(o, bulk(o, 0.5 + 2.2j), s), priors), "x").health[0].z for s in range(200)]
+        [examine(fitted(noisy(o, bulk(o, 0.5 + 2.2j), s), priors), "x").health[0].z for s in range(50)]
     )
-    # Mean and standard deviation of 200 normal numbers, 4 standard errors.
-    assert abs(z.mean()) < 4 / np.sqrt(200)
-    assert abs(z.std() - 1) < 4 / np.sqrt(400)
+    # Mean and standard deviation of 50 normal numbers, 4 standard errors.
+    assert abs(z.mean()) < 4 / np.sqrt(50)
+    assert abs(z.std() - 1) < 4 / np.sqrt(100)
 
 
 # --- wide channels

@@ -13,6 +13,7 @@ from card import Figure, Table
 
 from reflectance_fit import fit
 from reflectance_fit.errors import ReflectanceFitError
+from reflectance_fit.inference.ladder import Method
 from reflectance_fit.report.schema import Channel, Report
 
 VARIABLE = "REFLECTANCE_FIT_DATA"
@@ -27,6 +28,7 @@ TANTALUM = {
     "Ta_060810.dat": {450: (2.105, 2.717), 550: (2.398, 3.175), 633: (2.699, 3.478)},
     "Ta_w1_10102006.dat": {450: (2.175, 2.762), 550: (2.467, 3.220), 633: (2.772, 3.510)},
 }
+THIN = 10  # of the acrylic's readings, several a degree
 EVERY = 10  # of a spectrum's wavelengths
 FILM_NM = (400, 450, 500, 550, 600, 633, 700, 800)
 ACRYLIC, BK7 = 1.488, 1.5151
@@ -36,7 +38,7 @@ PRINTED = 0.01  # by which tantalum may differ: both sides fit psi and Delta, wi
 def about(*, full: bool) -> str:
     return (
         "Third-party measurements, fitted as a user would, seed 0; nothing is adjusted to the published values. "
-        f"Tantalum: psi and Delta at 65, 70 and 75 degrees, every {EVERY}th wavelength, importance sampling. "
+        f"Tantalum: psi and Delta at 65, 70 and 75 degrees, every {EVERY}th wavelength. Importance sampling (emcee where it fails); of the acrylic Laplace, every {THIN}th reading of up to 1,700. "
         "Acrylic: arm readings without any sigma, of which the zero is unknown and the beam was followed by hand; "
         "the only good answers are a wide interval, a warning, or a refusal."
     )
@@ -53,7 +55,7 @@ def figures(*, full: bool) -> Iterator[Figure | Table]:
     yield from _oxide()
 
 
-def _fit(manifest: str, files: dict[str, str]) -> Report:
+def _fit(manifest: str, files: dict[str, str], posterior: Method = "importance") -> Report:
     """The report on a manifest over copies of ``files``: name to path below the data, or to a text."""
     with tempfile.TemporaryDirectory() as folder:
         for name, source in files.items():
@@ -63,7 +65,7 @@ def _fit(manifest: str, files: dict[str, str]) -> Report:
                 shutil.copyfile(DATA / source, Path(folder) / name)
         path = Path(folder) / "measurement.yaml"
         path.write_text("schema: reflectance_fit/measurement/1\n" + manifest, encoding="utf-8")
-        return fit(path, timings=False).report
+        return fit(path, posterior=posterior, timings=False).report
 
 
 def _codes(report: Report) -> set[str]:
@@ -140,7 +142,10 @@ def _trace() -> Iterator[Figure]:
 def _acrylic() -> Iterator[Figure]:
     """Arm readings: 2 x incidence and an unknown zero; the detector saturates near 4.2 V."""
     for name, axis in (("H_brewexp9", "p"), ("N_brewexp1", "s"), ("V_brewexp1", "s")):
-        for zero_deg in (180, 174):
+        head, *readings = (DATA / ARMS / f"{name}.txt").read_text(encoding="utf-8").splitlines()[1:]
+        text = "\n".join([head, *readings[::THIN]]) + "\n"
+        # Read as it stands, the arm is straight on at 180 degrees: grazing, which no surface reflects.
+        for zero_deg in (180, 174) if name.startswith("H") else (174,):
             manifest = (
                 "sample: {name: acrylic}\nwavelength_nm: 650\ntables:\n  - file: t.txt\n    saturation: 4.19\n"
                 f"    columns: {{theta_deg: Sensor Position (Degrees), signal_{axis}: Light Intensity (Volts)}}\n"
@@ -148,7 +153,7 @@ def _acrylic() -> Iterator[Figure]:
                 "nuisances: {angle_offset_deg: {sigma: 3}}\n"
             )
             try:
-                report = _fit(manifest, {"t.txt": f"{ARMS}/{name}.txt"})
+                report = _fit(manifest, {"t.txt": text}, "laplace")
             except ReflectanceFitError as error:
                 yield Figure.judged(
                     f"arm scan of acrylic, {name}, zero {zero_deg}",
@@ -228,18 +233,17 @@ def _wavelengths(path: Path) -> list[float]:
 
 def _oxide() -> Iterator[Figure]:
     """309 nm of SiO2 on Si by absolute R_p and R_s: one interface must be rejected at every wavelength."""
-    for kind in ("", "fl_"):
-        name = f"bare_sio2_sample1_{kind}20080421.dat"
-        report = _fit(
-            "sample: {name: wafer}\ntables:\n  - {file: t.dat, format: woollam_vase, "
-            f"quantities: [reflectance_p, reflectance_s], wavelengths_nm: {list(FILM_NM)}}}\n",
-            {"t.dat": f"{VASE}/pR_sR/{name}"},
-        )
-        wrong = {w.channel for w in report.warnings if w.code == "WRONG_MODEL"}
-        least = min(f.fit.reduced_chi2 or 0.0 for f in report.fits)
-        yield Figure.judged(
-            f"{name}, 309 nm of oxide: wavelengths where one interface is WRONG_MODEL",
-            f"{len(wrong)} of {len(report.channels)}, smallest reduced chi2 {least:.3g}",
-            "all",
-            len(wrong) == len(report.channels),
-        )
+    name = "bare_sio2_sample1_fl_{}_pol_20080421.dat"
+    tables = "".join(f"  - {{file: {x}.dat, format: woollam_vase}}\n" for x in "ps")
+    report = _fit(
+        f"sample: {{name: wafer}}\nwavelengths_nm: {list(FILM_NM)}\ntables:\n{tables}",
+        {f"{x}.dat": f"{VASE}/pR_sR/{name.format(x)}" for x in "ps"},
+    )
+    wrong = {w.channel for w in report.warnings if w.code == "WRONG_MODEL"}
+    least = min(f.fit.reduced_chi2 or 0.0 for f in report.fits)
+    yield Figure.judged(
+        "pR_sR, 309 nm of oxide on silicon: wavelengths where one interface is WRONG_MODEL",
+        f"{len(wrong)} of {len(report.channels)}, smallest reduced chi2 {least:.3g}",
+        "all",
+        len(wrong) == len(report.channels),
+    )
