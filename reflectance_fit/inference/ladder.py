@@ -136,14 +136,13 @@ def _components(
 
 def _factor(scores: Scores, basin: Basin) -> FloatArray | None:
     """A factor of the covariance of scores, shape (P, P), from the curvature that the search left, if it did."""
-    curvature = getattr(basin, "curvature", None)
-    if curvature is None or len(scores.bent):
+    if basin.curvature is None or len(scores.bent):
         return None
     sigma = np.array(
         [p.sigma if own else 1.0 for p, own in zip(scores.model.priors, scores.scored, strict=True)]
     )
     try:
-        return np.asarray(np.linalg.inv(np.linalg.cholesky(curvature * np.outer(sigma, sigma))).T)
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(basin.curvature * np.outer(sigma, sigma))).T)
     except np.linalg.LinAlgError:
         return None
 
