@@ -24,6 +24,7 @@ import inference_quadrature as quadrature
 import inference_ranks as ranks
 import inference_recovery as recovery
 import inference_verdicts as verdicts
+from card import Figure, Table
 
 from reflectance_fit.inference import models
 from reflectance_fit.inference.forward import neutral_vector, predict_vectors
@@ -282,3 +283,43 @@ def test_a_fault_of_a_tenth_of_sigma_is_seen_by_the_log_likelihood():
     likelihood = partial(np.linalg.norm, axis=0)
     assert p(1.0, likelihood) > 0.01
     assert p(1.1, likelihood) < 1 - ranks.sidak(19)
+
+
+class Here:
+    """In place of a pool of processes."""
+
+    def __init__(self, *_):
+        pass
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    @staticmethod
+    def map(job, numbers, chunksize):
+        return map(job, numbers)
+
+
+def test_a_line_for_every_promise(monkeypatch):
+    """A card of a few captures has all figures, each once, and tables as wide as their headers."""
+    scorecard = pytest.importorskip("inference")
+    monkeypatch.setattr(scorecard, "ProcessPoolExecutor", Here)
+    for name in scorecard.THREADS:
+        monkeypatch.setenv(name, "1")
+    monkeypatch.setattr(scorecard, "MATERIALS", ("N-BK7",))
+    size = scorecard.Size(
+        2, 1, ("sparse angles",), fault=1, cell=2, robust=2, good=2, blind=1, least_ess=500.0, scenes=1
+    )
+    items = list(scorecard.measured(size))
+    found = [item for item in items if isinstance(item, Figure)]
+    names = [item.name for item in found]
+    assert len(set(names)) == len(names)
+    words = (
+        "ranks", "50% intervals", "80% intervals", "95% intervals", "catches a posterior", "converged",
+        "effective sample size", "mean", "sd", "total variation", "faults", "without a fault", "Cramer-Rao",
+        "bias of eta", "no nuisance", "k = 0", "k fitted", "one angle", "minimum only", "10 to 40", "identifiable",
+    )  # fmt: skip
+    assert [word for word in words if not any(word in name for name in names)] == []
+    assert all(len(row) == len(item.header) for item in items if isinstance(item, Table) for row in item.rows)
