@@ -35,6 +35,11 @@ _S1, _S2 = "source_s1", "source_s2"
 _STEPS = {"eta": 1e-5, "angle_offset_deg": 1e-3, "analyzer_offset_deg": 1e-3}
 _LINEAR_STEP = 1e-3
 _K_STEP = 1e-5  # of |eta + ik|
+_APART = 0.1  # of |eta + ik|: far enough for rows that are even in k
+_SAME_DIRECTION = (
+    1e-10  # of a squared length: the finite differences' error is far below, any second angle far above
+)
+_LEAST = 1e-300
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -148,6 +153,15 @@ def information(
         gains=gain_values,
         whitening=whitening,
     )
+
+
+def one_equation(info: Information) -> bool:
+    """Whether eta and k move the rows in one and the same direction, gains aside: however low the noise."""
+    vector = info.vector.copy()
+    vector[K] += _APART * math.hypot(vector[ETA], vector[K])
+    change, column = info.difference(vector[None])[0], info.columns[:, info.names.index("eta")]
+    rest = change - column * (column @ change) / max(column @ column, _LEAST)
+    return bool(rest @ rest <= _SAME_DIRECTION * (change @ change))
 
 
 def _flat_sd(prior: Prior) -> float:

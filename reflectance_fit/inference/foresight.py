@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.inference.fisher import Information, information, posterior_covariance
-from reflectance_fit.inference.forward import ETA, K
+from reflectance_fit.inference.fisher import Information, information, one_equation, posterior_covariance
+from reflectance_fit.inference.forward import K
 from reflectance_fit.inference.identify import AT_BOUND, UNINFORMED_SHARE, interval
 from reflectance_fit.observations import Observations
 from reflectance_fit.physics.brewster import brewster_angle
@@ -34,10 +34,6 @@ AWAY_FROM_0 = (1 - AT_BOUND) / 1.96
 _ALONG_AN_AXIS = 0.95
 _QUANTILES = (np.arange(4000) + 0.5) / 4000
 _STEP = 1e-5
-_APART = 0.1  # of |eta + ik|: far enough for rows that are even in k
-_SAME_DIRECTION = (
-    1e-10  # of a squared length: the finite differences' error is far below, any second angle far above
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +96,8 @@ def foresee(
     low, high = priors["eta"].coordinate_range
     # In log(eta), where a sd beyond the prior's width must not become infinite.
     eta_known = 3.92 * eta_sd <= UNINFORMED_SHARE * (high - low)
-    if k > 0 and _one_equation(both):
-        # Priors make a curve's ends look like knowledge.
+    if one_equation(both):
+        # Priors make a curve's ends look like knowledge, and k = 0 would be taken for granted.
         eta_known, k_found = False, Interval(None, None, None, None, "not_identified")
     angle_sd = math.sqrt(slope @ covariance @ slope)
     limit = k_found.ci95[1] if k_found.status == "upper_limit" and k_found.ci95 else None
@@ -171,7 +167,7 @@ def _in_words(
     values, vectors = np.linalg.eigh(info.covariance("eta", "k") / np.outer(scale, scale))
     blind = np.sqrt(values) > BLIND
     along_eta, along_k = np.abs(vectors[:, -1])
-    if _one_equation(info):
+    if one_equation(info):
         known = "k = 0 is taken for granted" if k == 0 else "the other is known"
         return (f"one equation for two unknowns: {'eta' if k == 0 else 'each of eta and k'} only if {known}",)
     if limit is not None and eta_known:
@@ -182,12 +178,3 @@ def _in_words(
         return ("eta and k apart: only a curve of pairs that fit alike",)
     words = [name for name, known in (("eta", eta_known), ("k", k_known)) if not known]
     return (f"{' and '.join(words)} cannot be told",) if words else ()
-
-
-def _one_equation(info: Information) -> bool:
-    """Whether eta and k move the rows in one and the same direction, gains aside: however low the noise."""
-    vector = info.vector.copy()
-    vector[K] += _APART * math.hypot(vector[ETA], vector[K])
-    change, column = info.difference(vector[None])[0], info.columns[:, info.names.index("eta")]
-    rest = change - column * (column @ change) / (column @ column)
-    return bool(rest @ rest <= _SAME_DIRECTION * (change @ change))

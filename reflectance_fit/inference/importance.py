@@ -30,6 +30,10 @@ _DRAWS_A_DIMENSION = 8
 _ENOUGH = 0.3  # effective draws a draw: adapting further gains less than it costs
 
 
+class NothingDrawn(ValueError):
+    """No draw of the proposal lies where there is any probability."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Draws:
     """Coordinates of equal weight, shape (chain, draw, P), and how far to trust them.
@@ -155,7 +159,7 @@ def _batch(
     ratio = density - np.logaddexp.reduce(proposal.log_pdf(components, x), axis=0)
     possible = np.isfinite(ratio)
     if not possible.any():
-        raise ValueError("no draw of the proposal has a finite posterior")
+        raise NothingDrawn("no draw of the proposal has a finite posterior")
     # Draws of no probability weigh nothing; the smoothing is of the others' tail.
     log_weights = np.full(count, -np.inf)
     smoothed, k = array_stats.psislw(-ratio[possible])  # it is made for the weights of leaving one out

@@ -48,31 +48,54 @@ def draw(
     """
     rivals = [basin for basin in basins if basin.objective < basins[0].objective + _RIVAL]
     if method != "emcee":
-        scores = Scores(model)
-        log_density = _log_density_of_scores(scores, rows)
-        components = _components(scores, log_density, rivals)
-        shear = shear_at(scores, log_density, max(components, key=lambda c: c.share))
-        components = [shear.carried(c) for c in components]
-
-        def sheared(y: FloatArray) -> FloatArray:
-            return log_density(shear.plain(y))
-
-        generator = np.random.default_rng(seed)
-        if method == "laplace":
-            count = math.ceil(importance.KEPT * min_ess)
-            return _posterior(shear, method, importance.laplace(sheared, components, generator, count=count))
-        drawn = importance.importance(sheared, components, scores.ranges, generator, min_ess=min_ess)
-        if drawn.trusted and drawn.ess >= min_ess:
-            return _posterior(shear, method, drawn)
-        _log.info(
-            "%s: importance sampling is not to be trusted here (Pareto k %.2f, effective sample size %.0f); "
-            "emcee is used",
-            model.name,
-            drawn.pareto_k,
-            drawn.ess,
-        )
+        try:
+            return _proposed(model, rows, rivals, method, seed, min_ess=min_ess)
+        except Untrusted as reason:
+            _log.info("%s: %s; emcee is used", model.name, reason)
     starts = candidates(model, rows, rivals, np.random.default_rng(seed))
     return posterior.sample(model, rows, starts, seed, min_ess=min_ess, progress=progress)
+
+
+class Untrusted(Exception):
+    """A posterior that no mixture of t distributions resembles."""
+
+
+def _proposed(
+    model: Model,
+    rows: Rows,
+    basins: Sequence[Basin],
+    method: Method,
+    seed: tuple[int, ...],
+    *,
+    min_ess: float,
+) -> Posterior:
+    """The posterior from a proposal; Untrusted where that fails, as at the corners that a wrong model is driven into."""
+    scores = Scores(model)
+    log_density = _log_density_of_scores(scores, rows)
+    components = _components(scores, log_density, basins)
+    if not components:
+        raise Untrusted("no basin has a curvature to stand on")
+    shear = shear_at(scores, log_density, max(components, key=lambda c: c.share))
+    components = [shear.carried(c) for c in components]
+
+    def sheared(y: FloatArray) -> FloatArray:
+        return log_density(shear.plain(y))
+
+    generator = np.random.default_rng(seed)
+    try:
+        if method == "laplace":
+            count = math.ceil(importance.KEPT * min_ess)
+            drawn = importance.laplace(sheared, components, generator, count=count)
+        else:
+            drawn = importance.importance(sheared, components, scores.ranges, generator, min_ess=min_ess)
+    except importance.NothingDrawn as error:
+        raise Untrusted(str(error)) from error
+    if method == "importance" and not (drawn.trusted and drawn.ess >= min_ess):
+        raise Untrusted(
+            f"importance sampling is not to be trusted here (Pareto k {drawn.pareto_k:.2f}, "
+            f"effective sample size {drawn.ess:.0f})"
+        )
+    return _posterior(shear, method, drawn)
 
 
 def candidates(
@@ -128,6 +151,9 @@ def _components(
         known = _factor(scores, basin)
         width = laplace.first_widths(log_density, z, scores.ranges) if known is None else known
         mass, component = laplace.at_basin(log_density, z, width, scores.ranges)
+        # At a corner, deep in a misfit, the density falls faster than a normal law's width can tell.
+        if not (math.isfinite(mass) and np.isfinite(component.inverse).all()):
+            continue
         if not any(_same_material(scores, c, component.centre) for c in found):
             masses.append(mass)
             found.append(component)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,8 @@ from reflectance_fit.inference.candidates import Candidates, Tried
 from reflectance_fit.inference.choice import Choice, choose
 from reflectance_fit.inference.cross_check import Checked, checked
 from reflectance_fit.inference.derived import derived_draws
-from reflectance_fit.inference.identify import interval
+from reflectance_fit.inference.fisher import information, one_equation
+from reflectance_fit.inference.identify import UNINFORMED_SHARE, interval
 from reflectance_fit.inference.rows import estimated_names, fitted, gain_names, pack
 from reflectance_fit.nuisances import offered as nuisance_defaults
 from reflectance_fit.observations import Flag, Observations
@@ -24,6 +26,8 @@ FloatArray = NDArray[np.float64]
 
 MODELS = tuple(models.FREE)
 Progress = Callable[[str, int, int], None]
+
+_ASSUME = "where k = 0 may be taken for granted, --model dielectric gives eta"
 
 _log = logging.getLogger(__name__)
 
@@ -60,7 +64,7 @@ def fit_channel(
         found = checked(choose(names, tried, nuisances or (), offered, observations), (*seed, 2))
     else:
         found = Checked(Choice(only := tried(model, nuisances or ()), (only,), None, "asked for"), None, {})
-    chosen, loo = found.choice.chosen, found.loo
+    loo = found.loo
     if loo and not loo.agrees:
         _log.warning("%s: %s", channel, found.choice.reason)
 
@@ -70,14 +74,20 @@ def fit_channel(
             each.model, each.rows, each.basins, method, (*seed, stream), min_ess=min_ess, progress=report
         )
 
+    chosen, reason, k_samples = found.choice.chosen, found.choice.reason, None
+    ridge = False
+    if model == "conductor" or (model == "auto" and "conductor" in names):
+        both = tried.beside(chosen, "conductor")
+        ridge = _one_equation(observations, both, exterior_ior, priors)
+        if chosen is not both and ridge:
+            chosen, reason = both, f"one equation for two unknowns; {_ASSUME}"
+        elif chosen is not both:
+            # k = 0 was chosen because k adds nothing; how large it may be is the conductor's to say.  One quantile
+            # is all that is wanted, which importance sampling gives in a tenth of emcee's time, or says that it cannot.
+            k_samples = draw(both, "importance", 1, posterior.LIMIT_ESS)
+            if _unbounded(k_samples, priors):
+                chosen, reason, k_samples = both, f"k is neither needed nor bounded; {_ASSUME}", None
     samples = draw(chosen, method, 0, posterior.MIN_ESS)
-    # k = 0 was chosen because k adds nothing; how large it may be is the conductor's to say.  One quantile is
-    # all that is wanted, which importance sampling gives in a tenth of emcee's time, or says that it cannot.
-    k_samples = (
-        draw(tried.beside(chosen, "conductor"), "importance", 1, posterior.LIMIT_ESS)
-        if model == "auto" and chosen.optimum.model == "dielectric" and "conductor" in names
-        else None
-    )
     derived = derived_draws(samples.samples["eta"], samples.samples["k"], exterior_ior)
     return Fit(
         channel=channel,
@@ -98,10 +108,10 @@ def fit_channel(
             )
             for t in found.choice.tried
         ),
-        chosen_because=found.choice.reason,
+        chosen_because=reason,
         posterior=samples,
         k_posterior=k_samples,
-        intervals=_intervals(chosen.model, samples, k_samples, priors, derived),
+        intervals=_intervals(chosen.model, samples, k_samples, priors, derived, ridge=ridge),
         derived=derived,
         estimated_sigma={q: chosen.optimum.parameters[f"sigma[{q}]"] for q in estimated},
         priors={**priors, **dict(zip(chosen.model.names, chosen.model.priors, strict=True))},
@@ -111,13 +121,41 @@ def fit_channel(
     )
 
 
+def _one_equation(
+    observations: Observations, both: Tried, exterior_ior: float, priors: Mapping[str, Prior]
+) -> bool:
+    """Whether the rows see eta and k through one number only, at the conductor's best point."""
+    best = both.optimum
+    info = information(
+        replace(observations, sigma=best.sigma),
+        best.eta,
+        best.k,
+        exterior_ior=exterior_ior,
+        priors={name: priors[name] for name in ("eta", "k")},
+        nuisances={},
+        at={name: best.parameters[name] for name in both.nuisances},
+        gains=best.gains,
+    )
+    return one_equation(info)
+
+
+def _unbounded(conductor: Posterior, priors: Mapping[str, Prior]) -> bool:
+    """Whether k, left free, may be anything, or eta with it: then k = 0 is an assumption, not a finding."""
+    limit = float(np.quantile(conductor.samples["k"], 0.95))
+    eta = interval(conductor.samples["eta"], priors["eta"])
+    return limit > UNINFORMED_SHARE * priors["k"].high or eta.status == "not_identified"
+
+
 def _intervals(
     model: models.Model,
     samples: Posterior,
     k_samples: Posterior | None,
     priors: Mapping[str, Prior],
     derived: dict[str, FloatArray],
+    *,
+    ridge: bool,
 ) -> dict[str, Interval]:
+    """``ridge``: one number is all that is known of eta and k, and the ends of their curve are the priors'."""
     known = {
         n: Interval(float(p.low), None, None, None, "fixed") for n, p in priors.items() if p.kind == "fixed"
     }
@@ -132,6 +170,11 @@ def _intervals(
         k = known["k"]
     else:
         k = Interval(0.0, None, None, None, "fixed")
+    if ridge:
+        eta, k = (
+            replace(found, median=None, sd=None, ci68=None, status="not_identified", modes=())
+            for found in (eta, interval(samples.samples["k"]))
+        )
     angle, share = Prior("uniform", 0.0, 90.0), Prior("uniform", 0.0, 1.0)
     others = {name: interval(d, share if name == "r0" else angle) for name, d in derived.items()}
     return {"eta": eta, "k": k, **others}
