@@ -7,8 +7,11 @@ have a threshold of their own, so that chance alone is rarely believed:
   cases and chi-squared with one degree of freedom in the other half (Self and
   Liang 1987).  With fewer than 47 rows log n lies below the 2.5 % point, 3.84,
   which is then what the ratio must exceed.
-* A nuisance is only added where nothing is stated about nuisances.  The BIC
-  must fall by 6, and the ratio to the same model without it must exceed what
+* A nuisance is only added where nothing is stated about nuisances, and where
+  the rows reject what is there: p < 0.001, or a BIC lower by 20, or, where
+  sigma is estimated and nothing can be rejected, by 10.  Real readings scatter
+  by a little more than their sigmas say; that alone is no reason to turn the
+  goniometer.  In any case the BIC must fall by 6, and the ratio to the same model without it must exceed what
   chance gives one of all the nuisances on offer in 1 % of cases.  Where the
   best model fits badly, sigmas may be too small as well: ratios are first
   divided by its reduced chi2.
@@ -33,8 +36,9 @@ from reflectance_fit.observations import Observations
 K_CHANCE = (
     0.025  # of k > 0 where there is none; more than one basin, and normal noise by name only, add to it
 )
+REJECTED = 0.001  # as for the warning WRONG_MODEL
 NUISANCE_CHANCE = 0.01  # of any nuisance where there is none
-NUISANCE_MARGIN = 6.0  # by which the BIC must fall
+NUISANCE_MARGIN, UNJUDGED_MARGIN, DECISIVE_MARGIN = 6.0, 10.0, 20.0  # by which the BIC must fall
 NOISE_MARGIN = 10.0
 WORTH_A_LOOK = 2.5  # sigma; a row within gains less than 1.5 from heavy tails
 
@@ -148,6 +152,7 @@ def _one_more(
 ) -> tuple[Tried, str, str] | None:
     """The best model with one nuisance more than ``chosen``, where the rows need it, and why."""
     found: list[tuple[Tried, str, tuple[str, ...]]] = []
+    margin = _margin(chosen)
     for added in _steps(chosen.nuisances, offered):
         try:
             larger, reason = _simplest(names, fit, (*chosen.nuisances, *added))
@@ -159,7 +164,7 @@ def _one_more(
         lead = (chosen.optimum.objective - larger.optimum.objective) / badness
         cost = (larger.parameters - chosen.parameters) * math.log(len(larger.optimum.residuals))
         chance = NUISANCE_CHANCE / len(offered)
-        if lead - cost >= NUISANCE_MARGIN and gain >= likely_by_chance(larger, chance):
+        if lead - cost >= margin and gain >= likely_by_chance(larger, chance):
             found.append((larger, reason, added))
     if not found:
         return None
@@ -174,6 +179,14 @@ def _one_more(
     difference = chosen.optimum.bic - larger.optimum.bic
     verb = "are" if len(added) > 1 else "is"
     return larger, reason, f"{' and '.join(added)} {verb} needed{would}: delta BIC = {difference:.4g}"
+
+
+def _margin(chosen: Tried) -> float:
+    """By how much a nuisance must lower the BIC of a model that the rows reject, cannot reject, or do not."""
+    if np.any(chosen.rows.estimated >= 0):
+        return UNJUDGED_MARGIN
+    rejected = robust.p_value(chosen.optimum) < REJECTED
+    return NUISANCE_MARGIN if rejected else DECISIVE_MARGIN
 
 
 def _steps(present: tuple[str, ...], offered: tuple[str, ...]) -> list[tuple[str, ...]]:

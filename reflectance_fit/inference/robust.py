@@ -108,14 +108,19 @@ def outliers(optimum: Optimum) -> int:
     return int(np.sum(np.abs(optimum.residuals) > OUTLYING))
 
 
-def scattered(optimum: Optimum, observations: Observations) -> bool:
-    """Few outliers, in rows that fit, whose residuals do not follow one another along the scan."""
+def p_value(optimum: Optimum) -> float:
+    """Chance of a chi2 this large where sigmas are stated; 1 without degrees of freedom."""
     from scipy.special import gammaincc
 
+    return float(gammaincc(optimum.dof / 2, optimum.chi2 / 2)) if optimum.dof > 0 else 1.0
+
+
+def scattered(optimum: Optimum, observations: Observations) -> bool:
+    """Few outliers, in rows that fit, whose residuals do not follow one another along the scan."""
     few = outliers(optimum) <= MOST * len(optimum.residuals)
     # A sigma that is itself estimated makes the rows fit.
     stated = not any(name.startswith("sigma[") for name in optimum.parameters)
-    fit = not stated or (optimum.dof > 0 and gammaincc(optimum.dof / 2, optimum.chi2 / 2) >= WRONG_P)
+    fit = not stated or (optimum.dof > 0 and p_value(optimum) >= WRONG_P)
     return bool(few and fit and serial_z(optimum.residuals, observations) < SMOOTH_Z)
 
 

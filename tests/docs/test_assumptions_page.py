@@ -56,7 +56,7 @@ CASES = (
         stray=0.01,
     ),
     Case("N-BK7", "the same, `diffuse` allowed", (), stray=0.01, nuisances="{diffuse: {sigma: 0.01}}"),
-    Case("N-BK7", "the same again, nothing said of nuisances", (), stray=0.01, nuisances=None),
+    Case("N-BK7", "the same again, nothing said of nuisances", ("DARK_OFFSET",), stray=0.01, nuisances=None),
     Case("N-BK7", "detector responds as signal^1.05", ("WRONG_MODEL", "LITERATURE_DISAGREES"), gamma=1.05),
     Case("N-BK7", "plate, its back face reflects too", ("WRONG_MODEL", "LITERATURE_DISAGREES"), plate=True),
     Case("N-BK7", "2 nm of water on it", ("LITERATURE_DISAGREES",), film="water", film_nm=2.0),
