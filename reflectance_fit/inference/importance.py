@@ -162,8 +162,11 @@ def _batch(
         raise NothingDrawn("no draw of the proposal has a finite posterior")
     # Draws of no probability weigh nothing; the smoothing is of the others' tail.
     log_weights = np.full(count, -np.inf)
-    smoothed, k = array_stats.psislw(-ratio[possible])  # it is made for the weights of leaving one out
-    log_weights[possible] = smoothed
+    with np.errstate(all="ignore"):  # where nearly all weights are 0 it divides by them
+        smoothed, k = array_stats.psislw(-ratio[possible])  # it is made for the weights of leaving one out
+    if not np.isfinite(smoothed).any():
+        raise NothingDrawn("hardly any draw of the proposal has a posterior worth counting")
+    log_weights[possible] = np.where(np.isfinite(smoothed), smoothed, -np.inf)
     weights = np.exp(log_weights - log_weights.max())
     # An infinite k-hat stands for weights of which only one counts.
-    return _Batch(x, density, weights / weights.sum(), float(k))
+    return _Batch(x, density, weights / weights.sum(), float(k) if math.isfinite(k) else math.inf)

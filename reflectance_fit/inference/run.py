@@ -79,8 +79,11 @@ def fit_channel(
     if model == "conductor" or (model == "auto" and "conductor" in names):
         both = tried.beside(chosen, "conductor")
         ridge = _one_equation(observations, both, exterior_ior, priors)
-        if chosen is not both and ridge:
-            chosen, reason = both, f"one equation for two unknowns; {_ASSUME}"
+        if ridge:
+            chosen, reason = (
+                both,
+                f"one equation for two unknowns; {_ASSUME if chosen is not both else reason}",
+            )
         elif chosen is not both:
             # k = 0 was chosen because k adds nothing; how large it may be is the conductor's to say.  One quantile
             # is all that is wanted, which importance sampling gives in a tenth of emcee's time, or says that it cannot.

@@ -16,7 +16,7 @@ from reflectance_fit.measured import Note
 from reflectance_fit.report import literature, schema
 from reflectance_fit.report.approximations import schlick_errors
 from reflectance_fit.report.numbers import short
-from reflectance_fit.report.warnings import warnings_of
+from reflectance_fit.report.warnings import of_the_sample, warnings_of
 from reflectance_fit.result import Fit, Interval, Shared
 
 FloatArray = NDArray[np.float64]
@@ -48,6 +48,9 @@ def build_report(
         for note in notes
     ]
     looked_at = examinations or [Examination()] * len(fits)
+    found = [warnings_of(fit, seen) for fit, seen in zip(fits, looked_at, strict=True)]
+    rejected = [any(note.code == "WRONG_MODEL" for note in of_fit) for of_fit in found]
+    coincidence = of_the_sample(rejected)
     for index, (fit, seen) in enumerate(zip(fits, looked_at, strict=True)):
         table, disagreement = literature.compare(sample_name, fit)
         # Channels that share one fit are all channels there are.
@@ -56,7 +59,8 @@ def build_report(
         warnings += [
             schema.Warning(code=note.code, channel=fit.channel, message=note.message)  # type: ignore[arg-type]
             for note in [
-                *warnings_of(fit, seen),
+                *found[index],
+                *([coincidence] if coincidence and not rejected[index] else []),
                 *([Note("LITERATURE_DISAGREES", disagreement)] if disagreement else []),
             ]
         ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from reflectance_fit.examination import Examination
 from reflectance_fit.measured import Note
@@ -13,12 +13,29 @@ _BEYOND_DEG = 5.0  # of extrapolation before ANGLE_RANGE is said
 # Standard deviations: one in 16,000 of sound checks.
 _UNHEALTHY = 4.0
 _DARK_SD = 4.0
+_LEAST_CHANNELS = 3
 _FILM_NAMES = {1.46: "an oxide", 1.77: "alumina", 1.33: "water"}
 
 
 def warnings_of(fit: Fit, seen: Examination) -> list[Note]:
     """All warnings of one fit, those about the sample's name aside (``literature``)."""
     return [*_of_the_rows(fit), *_of_the_posterior(fit), *_of_the_examination(fit, seen)]
+
+
+def of_the_sample(rejected: Sequence[bool]) -> Note | None:
+    """What a channel that fits must hear where most others are ``rejected``; None where they are not.
+
+    A film's reflectance swings with the wavelength and passes, here and there,
+    through that of one interface.
+    """
+    count = sum(rejected)
+    if len(rejected) < _LEAST_CHANNELS or 2 * count < len(rejected):
+        return None
+    return Note(
+        "WRONG_MODEL",
+        f"one interface fits here, but not at {count} of the sample's {len(rejected)} wavelengths: it is one "
+        "sample, so the index is a coincidence of this wavelength. A film?",
+    )
 
 
 def _of_the_rows(fit: Fit) -> Iterator[Note]:

@@ -157,6 +157,26 @@ def test_emcee_takes_over_where_importance_sampling_fails(glass, monkeypatch):
     assert drawn.chains is not None
 
 
+def test_a_model_driven_into_a_corner_goes_to_emcee(priors, rows_of, monkeypatch):
+    """s and p exchanged, millions of sigma off: the optimum lies at corners, where no normal law resembles anything."""
+    monkeypatch.setattr(posterior, "MAX_STEPS", 500)
+    theta = np.linspace(20.0, 80.0, 9)
+    reflected = reflectances(np.cos(np.radians(theta)), 1.9)
+    observations = concatenate(
+        [
+            rows_of(theta, quantity, power, sigma=1e-4, gain_group="lamp")
+            for quantity, power in (("signal_s", reflected.p), ("signal_p", reflected.s))
+        ]
+    )
+    rows = pack(observations, 1.0)
+    model = models.build("dielectric", rows, priors, {"angle_offset_deg": 0.5, "dark_offset": 0.01}, [])
+    _, basins = search.find(model, rows, gain_names(observations))
+    for method in ("importance", "laplace"):
+        drawn = ladder.draw(model, rows, basins, method, (0,), min_ess=200.0)
+        assert drawn.method in ("emcee", method)
+        assert np.isfinite(drawn.log_density).all()
+
+
 def test_equal_seeds_give_equal_draws(glass):
     first, again, other = (
         ladder.draw(*glass, "importance", seed, min_ess=500.0) for seed in ((1,), (1,), (2,))

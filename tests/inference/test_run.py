@@ -151,14 +151,37 @@ def test_saturated_rows_are_counted_and_count_as_bounds(rows_of, priors):
     assert abs(eta.median - 0.5) < 4 * eta.sd
 
 
-def test_one_unpolarized_reading_cannot_tell_eta_from_k(rows_of, priors):
-    """One equation, two unknowns: a curve in (eta, k)."""
-    o = rows_of(
-        [30.0], "reflectance", [float(reflectances(np.cos(np.radians(30.0)), 1.4, 7.6).mean)], sigma=0.005
-    )
-    found = fit(o, priors, model="conductor")
+@pytest.mark.parametrize("model", ["auto", "conductor"])
+@pytest.mark.parametrize("index", [(1.4, 7.6), (1.5, 0.0)])
+def test_one_unpolarized_reading_cannot_tell_eta_from_k(rows_of, priors, index, model, monkeypatch):
+    """One equation, two unknowns: a curve in (eta, k), whose ends are those of the priors, however low the noise."""
+    monkeypatch.setattr(posterior, "MAX_STEPS", 500)
+    value = float(reflectances(np.cos(np.radians(30.0)), *index).mean)
+    found = fit(rows_of([30.0], "reflectance", [value], sigma=0.02 * value), priors, model=model)
+    for name in ("eta", "k"):
+        assert found.intervals[name].status == "not_identified"
+        assert found.intervals[name].median is None
+    if model == "auto":
+        assert found.chosen_because.startswith("one equation for two unknowns")
+    # With k = 0 taken for granted a glass gives its eta: two of them, on either side of 1.
+    if index[1] == 0:
+        given = fit(rows_of([30.0], "reflectance", [value], sigma=0.02 * value), priors, model="dielectric")
+        assert given.intervals["eta"].status in ("identified", "multimodal")
+
+
+def test_a_metal_seen_too_steeply_is_not_taken_for_a_dielectric(rows_of, priors, monkeypatch):
+    """Chromium from 10 to 40 degrees: k is not needed, a dielectric of eta 7 would do, and k may be anything."""
+    monkeypatch.setattr(posterior, "MAX_STEPS", 500)
+    theta = np.array([10.0, 20.0, 30.0, 40.0])
+    reflected = reflectances(np.cos(np.radians(theta)), 3.18, 3.33)
+    generator = np.random.default_rng(0)
+    parts = [
+        rows_of(theta, q, power * (1 + 0.01 * generator.standard_normal(4)), sigma=0.005, gain_group=q)
+        for q, power in (("signal_s", reflected.s), ("signal_p", reflected.p))
+    ]
+    found = fit(concatenate(parts), priors, method="importance")
     assert found.intervals["eta"].status == "not_identified"
-    assert found.intervals["eta"].median is None
+    assert found.optimum.model == "conductor"
 
 
 def fixed(priors, **values):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from reflectance_fit.examination import Band, Drift, Examination, Film, Health
-from reflectance_fit.report.warnings import warnings_of
+from reflectance_fit.report.warnings import of_the_sample, warnings_of
 from reflectance_fit.result import Interval
 
 
@@ -97,3 +97,21 @@ def test_a_band_is_wide_where_it_moves_the_index_by_more_than_is_known():
     assert "eta" not in message.split("would be fitted")[1].split("away")[0]
     ((_, message),) = found(band=Band("Cu", False, 90.0, 0.02, -0.28))
     assert "Cu, the nearest built-in material, would be fitted eta +0.02 (sd 0.01) and k -0.28" in message
+
+
+@pytest.mark.parametrize(
+    ("rejected", "said"),
+    [
+        ([True, True], False),  # too few to tell a sample from a wavelength
+        ([True, False, False], False),
+        ([True, True, False], True),
+        ([True] * 10 + [False] * 10, True),
+        ([True] * 9 + [False] * 11, False),
+    ],
+)
+def test_one_interface_at_a_few_wavelengths_only_is_a_coincidence(rejected, said):
+    note = of_the_sample(rejected)
+    assert (note is not None) == said
+    if note:
+        assert note.code == "WRONG_MODEL"
+        assert f"not at {sum(rejected)} of the sample's {len(rejected)}" in note.message
