@@ -46,7 +46,7 @@ def log_likelihood(model: Model, rows: Rows) -> Callable[[FloatArray], FloatArra
     The fast way is taken only where it gives ``likelihood``'s answer in the
     middle of the priors.
     """
-    if _simple(rows):
+    if serves(rows):
         probe = model.full(np.array([[prior.centre for prior in model.priors]]))
         expected, found = likelihood.log_likelihoods(rows, probe), blocks(rows, probe)
         if np.isfinite(expected).all() and np.allclose(found, expected, rtol=_AGREEMENT, atol=_AGREEMENT):
@@ -54,9 +54,11 @@ def log_likelihood(model: Model, rows: Rows) -> Callable[[FloatArray], FloatArra
     return lambda vectors: likelihood.log_likelihoods(rows, vectors)
 
 
-def _simple(rows: Rows) -> bool:
-    plain = not (rows.errors_in_angle or rows.heavy_tailed or rows.censored.any() or rows.dispersion.any())
-    return plain and bool(np.all(rows.code <= _DOLP_VALUE))
+def serves(rows: Rows) -> bool:
+    """Whether rows are of the kinds that `blocks` knows."""
+    if rows.errors_in_angle or rows.heavy_tailed or rows.censored.any() or rows.dispersion.any():
+        return False
+    return bool(rows.code.max() <= _DOLP_VALUE)
 
 
 @kernel
@@ -123,7 +125,7 @@ def _lines(rows: Rows, vectors: FloatArray, block: FloatArray) -> None:
 
 @kernel
 def blocks(rows: Rows, vectors: FloatArray) -> FloatArray:
-    """``likelihood.log_likelihoods`` for rows that ``log_likelihood`` finds simple."""
+    """``likelihood.log_likelihoods`` for rows that it `serves`."""
     n, estimated = len(rows.value), vectors.shape[1] - FIRST_SIGMA
     out = np.empty(len(vectors))
     block, model, target = np.empty((11, _BLOCK)), np.empty((n, _BLOCK)), np.empty((n, _BLOCK))

@@ -18,7 +18,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.inference.forward import ETA, FIRST_NUISANCE, SLOPE, K, Turns
+from reflectance_fit.inference.forward import ETA, FIRST_NUISANCE, SLOPE, K, Turns, reading
 from reflectance_fit.inference.rows import CODES, Rows
 from reflectance_fit.observations import Quantity
 from reflectance_fit.physics.jit import inlined
@@ -144,24 +144,32 @@ def _slope(code: int, value: Four, change: Four) -> float:
 
 @inlined
 def _of_light(
-    rows: Rows, i: int, p: FloatArray, turns: Turns, jet: tuple[Four, Four, Four, Four], out: FloatArray
+    rows: Rows,
+    i: int,
+    p: FloatArray,
+    turns: Turns,
+    jet: tuple[Four, Four, Four, Four],
+    optics: bool,
+    out: FloatArray,
 ) -> None:
     """Add the derivatives of a row that has light and perhaps an analyzer; they are linear in nearly everything."""
     share = 1.0 if rows.code[i] == _SIGNAL else 2.0
     reflection, by_theta, by_eta, by_k = jet
     s0, s1, s2, s3 = rows.light[i, 0], rows.light[i, 1], rows.light[i, 2], rows.light[i, 3]
     unpolarized = s0 - math.sqrt(s1 * s1 + s2 * s2 + s3 * s3)
-    azimuth = 2 * math.radians(p[_AZIMUTH])
-    ahead, aside = unpolarized * math.cos(azimuth), unpolarized * math.sin(azimuth)
-    light = (s0, s1 + p[_DOLP] * ahead, s2 + p[_DOLP] * aside, s3)
+    light = (s0, s1 + unpolarized * turns[4], s2 + unpolarized * turns[5], s3)
     cos_2phi, sin_2phi = rows.analyzer[i, 0], rows.analyzer[i, 1]
     analyzer = (cos_2phi * turns[2] - sin_2phi * turns[3], sin_2phi * turns[2] + cos_2phi * turns[3])
-    across = (-analyzer[1], analyzer[0])
     retarder = (rows.retarder[i, 0], rows.retarder[i, 1], rows.retarder[i, 2], rows.retarder[i, 3])
     d = rows.diattenuation[i] * p[_DIATTENUATION]
     out[_OFFSET] += share * analyzer_signal(by_theta, light, analyzer, retarder, d) * _DEGREE
     out[ETA] += share * analyzer_signal(by_eta, light, analyzer, retarder, d) / rows.exterior_ior
     out[K] += share * analyzer_signal(by_k, light, analyzer, retarder, d) / rows.exterior_ior
+    if not optics:
+        return
+    across = (-analyzer[1], analyzer[0])
+    azimuth = 2 * math.radians(p[_AZIMUTH])
+    ahead, aside = unpolarized * math.cos(azimuth), unpolarized * math.sin(azimuth)
     out[_DOLP] += share * analyzer_signal(reflection, (0.0, ahead, aside, 0.0), analyzer, retarder, d)
     turn = share * 2 * _DEGREE
     moved = (0.0, -p[_DOLP] * aside, p[_DOLP] * ahead, 0.0)
@@ -176,11 +184,11 @@ def _of_light(
 
 @inlined
 def gradient_at_angle(
-    rows: Rows, i: int, c: float, s: float, p: FloatArray, turns: Turns, out: FloatArray
-) -> None:
-    """Fill ``out``, shape (FIRST_SIGMA,), with the derivatives of `at_angle` by each part of ``p``.
+    rows: Rows, i: int, c: float, s: float, p: FloatArray, turns: Turns, optics: bool, out: FloatArray
+) -> float:
+    """`at_angle`, and ``out``, shape (FIRST_SIGMA,), filled with its derivatives by each part of ``p``.
 
-    Per unit of the parameter, so per degree of the offsets; by the angle
+    Without ``optics`` those by source, analyzer and diattenuation are left 0.  Per unit of the parameter, so per degree of the offsets; by the angle
     offset is by the angle of incidence.  The background's (dark offset and
     diffuse light) are 0: they are no part of `at_angle`.
     """
@@ -188,6 +196,7 @@ def gradient_at_angle(
     a, b = rows.cos_spread[i], rows.sin_spread[i]
     sides = 2 if b > 0 else 1
     eta = p[ETA] + p[SLOPE] * rows.dispersion[i]
+    value = 0.0
     for side in range(sides):
         cc, ss = c, s
         if b > 0:
@@ -195,13 +204,16 @@ def gradient_at_angle(
             cc, ss = max(c * a + sign * s * b, 0.0), s * a - sign * c * b
         jet = interface_gradients(cc, ss, eta / rows.exterior_ior, p[K] / rows.exterior_ior)
         code = rows.code[i]
+        value += reading(rows, i, jet[0], p, turns)
         if code in (_REFLECTANCE_S, _REFLECTANCE_P, _REFLECTANCE) or code > _SIGNAL:
             out[_OFFSET] += _slope(code, jet[0], jet[1]) * _DEGREE
             out[ETA] += _slope(code, jet[0], jet[2]) / rows.exterior_ior
             out[K] += _slope(code, jet[0], jet[3]) / rows.exterior_ior
         else:
-            _of_light(rows, i, p, turns, jet, out)
+            _of_light(rows, i, p, turns, jet, optics, out)
     if sides == 2:
         for j in range(len(out)):
             out[j] *= 0.5
+        value *= 0.5
     out[SLOPE] = out[ETA] * rows.dispersion[i]
+    return value

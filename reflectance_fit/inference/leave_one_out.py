@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.inference import ladder, posterior
-from reflectance_fit.inference.likelihood import cholesky_solve, design, evaluate
+from reflectance_fit.inference.likelihood import cholesky_solve, design, terms
 from reflectance_fit.inference.models import Model
 from reflectance_fit.inference.optimize import Basin
 from reflectance_fit.inference.rows import Rows
@@ -95,26 +95,42 @@ def _wider(near: FloatArray, generator: np.random.Generator) -> tuple[FloatArray
     return x, 0.5 * (_DF + size) * np.log1p(np.sum(z**2, axis=1) / _DF)
 
 
-@kernel
 def pointwise(rows: Rows, vectors: FloatArray) -> FloatArray:
     """log p(y_i | the other rows) for each full parameter vector: shape (D, N), NaN where left out."""
+    found, gains = terms(rows, vectors)
+    kind = _heavy_tailed if rows.heavy_tailed else _normal
+    return kind(rows, vectors, gains, np.isfinite(found[:, 0]))
+
+
+@kernel
+def _heavy_tailed(
+    rows: Rows, vectors: FloatArray, gains: FloatArray, inside: NDArray[np.bool_]
+) -> FloatArray:
+    n = len(rows.value)
+    out = np.full((len(vectors), n), np.nan)
+    f, slope, target, sigma = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    for d in range(len(vectors)):
+        if inside[d]:
+            design(rows, vectors[d], f, slope, target, sigma)
+            foretold_heavy_tailed(rows, f, target, sigma, gains[d], out[d])
+    return out
+
+
+@kernel
+def _normal(rows: Rows, vectors: FloatArray, best: FloatArray, inside: NDArray[np.bool_]) -> FloatArray:
     n, g_count = len(rows.value), rows.gains
     out = np.full((len(vectors), n), np.nan)
     f, slope, target, sigma = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    whitened, spread, gains = np.empty(n), np.empty(n), np.empty(g_count)
     share = np.empty(rows.settings)
     pull = np.empty(rows.settings)
     a = np.empty((n, g_count))  # S^-1 F
     normal = np.empty((g_count, g_count))
     z = np.empty(g_count)
     for d in range(len(vectors)):
-        p = vectors[d]
-        if math.isnan(evaluate(rows, p, whitened, spread, gains)[0]):
+        if not inside[d]:
             continue
-        design(rows, p, f, slope, target, sigma)
-        if rows.heavy_tailed:
-            foretold_heavy_tailed(rows, f, target, sigma, gains, out[d])
-            continue
+        gains = best[d]
+        design(rows, vectors[d], f, slope, target, sigma)
         share[:], pull[:] = 0.0, 0.0
         steepness = np.zeros(rows.settings)
         coupling = np.zeros((rows.settings, g_count))

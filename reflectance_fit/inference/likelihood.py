@@ -39,7 +39,7 @@ from reflectance_fit.inference.forward import FIRST_SIGMA, at_angle, background,
 from reflectance_fit.inference.rows import CODES, Rows
 from reflectance_fit.inference.student import evaluate_heavy_tailed
 from reflectance_fit.observations import Quantity
-from reflectance_fit.physics.jit import kernel
+from reflectance_fit.physics.jit import kernel, pasted
 
 FloatArray = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ _STEP = 1e-6  # radians; central difference, error about 1e-10 relative
 _ROUNDS = 4  # of the fixed point in the gains; each gains a factor of order (sigma_theta v / sigma)^2 / N
 
 
-@kernel
+@pasted
 def design(
     rows: Rows, p: FloatArray, f: FloatArray, slope: FloatArray, target: FloatArray, sigma: FloatArray
 ) -> bool:
@@ -118,24 +118,15 @@ def _inverse_diagonal(factor: FloatArray, j: int, work: FloatArray) -> float:
     return total
 
 
-@kernel
-def evaluate(
+@pasted
+def evaluate_normal(
     rows: Rows, p: FloatArray, whitened: FloatArray, spread: FloatArray, gains: FloatArray
 ) -> tuple[float, float, float]:
-    """chi2, log det S and the log of the gain integral for one full parameter vector.
-
-    Fills ``whitened`` (N residuals whose squares sum to chi2), ``spread`` (each
-    row's standard deviation, its angle's share included) and ``gains``.
-    Censored rows have residual 0; minus twice their log probability, which is
-    never negative, is added to log det S.  chi2 is NaN where the parameters
-    are outside of the model's domain.
-    """
+    """`evaluate` for normal noise, as kernels call it."""
     n = len(rows.value)
     f, slope, target, sigma = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     if not design(rows, p, f, slope, target, sigma):
         return math.nan, 0.0, 0.0
-    if rows.heavy_tailed:
-        return evaluate_heavy_tailed(rows, f, target, sigma, whitened, spread, gains)
     normal = np.zeros((rows.gains, rows.gains))
     rhs = np.zeros(rows.gains)
     coupling = np.zeros((rows.settings, rows.gains))  # sum of f v / sigma^2
@@ -221,29 +212,68 @@ def evaluate(
 
 
 @kernel
-def log_likelihoods(rows: Rows, vectors: FloatArray) -> FloatArray:
-    """Log marginal likelihood of each full parameter vector, shape (D,); -inf outside of the domain."""
-    n = len(rows.value)
-    out = np.empty(len(vectors))
-    whitened, spread, gains = np.empty(n), np.empty(n), np.empty(rows.gains)
+def _normal_terms(
+    rows: Rows, vectors: FloatArray, whitened: FloatArray, spread: FloatArray, gains: FloatArray
+) -> FloatArray:
+    out = np.empty((len(vectors), 3))
     for d in range(len(vectors)):
-        chi2, log_det, log_integral = evaluate(rows, vectors[d], whitened, spread, gains)
-        value = -0.5 * (chi2 + log_det) + log_integral
-        out[d] = value if math.isfinite(value) else -math.inf
+        out[d, 0], out[d, 1], out[d, 2] = evaluate_normal(rows, vectors[d], whitened, spread, gains[d])
     return out
 
 
 @kernel
+def _heavy_tailed_terms(
+    rows: Rows, vectors: FloatArray, whitened: FloatArray, spread: FloatArray, gains: FloatArray
+) -> FloatArray:
+    n = len(rows.value)
+    out = np.empty((len(vectors), 3))
+    f, slope, target, sigma = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    for d in range(len(vectors)):
+        out[d] = math.nan
+        if design(rows, vectors[d], f, slope, target, sigma):
+            found = evaluate_heavy_tailed(rows, f, target, sigma, whitened, spread, gains[d])
+            out[d, 0], out[d, 1], out[d, 2] = found
+    return out
+
+
+def terms(rows: Rows, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """`evaluate` of D full parameter vectors: its three terms, shape (D, 3), and the gains, shape (D, G)."""
+    n = len(rows.value)
+    gains = np.empty((len(vectors), rows.gains))
+    # Apart, as few fits ask for heavy tails and every kernel takes seconds to compile.
+    kind = _heavy_tailed_terms if rows.heavy_tailed else _normal_terms
+    return kind(rows, vectors, np.empty(n), np.empty(n), gains), gains
+
+
+def evaluate(
+    rows: Rows, p: FloatArray, whitened: FloatArray, spread: FloatArray, gains: FloatArray
+) -> tuple[float, float, float]:
+    """chi2, log det S and the log of the gain integral for one full parameter vector.
+
+    Fills ``whitened`` (N residuals whose squares sum to chi2), ``spread`` (each
+    row's standard deviation, its angle's share included) and ``gains``.
+    Censored rows have residual 0; minus twice their log probability, which is
+    never negative, is added to log det S.  chi2 is NaN where the parameters
+    are outside of the model's domain.
+    """
+    kind = _heavy_tailed_terms if rows.heavy_tailed else _normal_terms
+    chi2, log_det, log_integral = kind(rows, p[None], whitened, spread, gains[None])[0].tolist()
+    return chi2, log_det, log_integral
+
+
+def log_likelihoods(rows: Rows, vectors: FloatArray) -> FloatArray:
+    """Log marginal likelihood of each full parameter vector, shape (D,); -inf outside of the domain."""
+    chi2, log_det, log_integral = terms(rows, vectors)[0].T
+    value = log_integral - 0.5 * (chi2 + log_det)
+    return np.where(np.isfinite(value), value, -np.inf)
+
+
 def deviances(rows: Rows, vectors: FloatArray) -> FloatArray:
     """-2 log likelihood at the best gains, up to the constant of the stated sigmas; NaN outside."""
-    n = len(rows.value)
-    stated = 0.0
-    for i in range(n):
-        if rows.estimated[i] < 0 and not rows.censored[i]:
-            stated += 2 * math.log(rows.sigma[i])
-    out = np.empty(len(vectors))
-    whitened, spread, gains = np.empty(n), np.empty(n), np.empty(rows.gains)
-    for d in range(len(vectors)):
-        chi2, log_det, _ = evaluate(rows, vectors[d], whitened, spread, gains)
-        out[d] = chi2 + log_det - stated
-    return out
+    chi2, log_det, _ = terms(rows, vectors)[0].T
+    return np.asarray(chi2 + log_det - stated_log_det(rows))
+
+
+def stated_log_det(rows: Rows) -> float:
+    """log det of the stated sigmas."""
+    return 2 * float(np.sum(np.log(rows.sigma[(rows.estimated < 0) & ~rows.censored])))

@@ -11,7 +11,7 @@ kernel's parameter vector.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,7 +76,12 @@ class Model:
     @property
     def ranges(self) -> FloatArray:
         """Search range of each coordinate, shape (P, 2): a normal prior's 8 sigma, clipped."""
-        return np.array([_range(prior) for prior in self.priors])
+        return search_ranges(self.priors)
+
+
+def search_ranges(priors: Sequence[Prior]) -> FloatArray:
+    """``Model.ranges`` of any priors, shape (P, 2)."""
+    return np.array([_range(prior) for prior in priors])
 
 
 def _range(prior: Prior) -> tuple[float, float]:

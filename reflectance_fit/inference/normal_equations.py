@@ -15,18 +15,19 @@ by its square; in total reflection and for phases k itself is the better coordin
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.inference.derivatives import gradient_at_angle
-from reflectance_fit.inference.forward import FIRST_NUISANCE, FIRST_SIGMA, K, at_angle, incidence, turns_of
-from reflectance_fit.inference.likelihood import cholesky_solve, evaluate
-from reflectance_fit.inference.models import Model
+from reflectance_fit.inference.forward import FIRST_NUISANCE, FIRST_SIGMA, K, incidence, turns_of
+from reflectance_fit.inference.likelihood import cholesky_solve, evaluate_normal, stated_log_det
+from reflectance_fit.inference.models import Model, search_ranges
 from reflectance_fit.inference.rows import LAST_POWER, Rows
-from reflectance_fit.physics.jit import kernel
-from reflectance_fit.priors import NUISANCES
+from reflectance_fit.physics.jit import kernel, pasted
+from reflectance_fit.priors import NUISANCES, Prior
 
 FloatArray = NDArray[np.float64]
 
@@ -44,7 +45,8 @@ class Problem(NamedTuple):
     parts ``template`` holds; ``logarithmic`` marks those that are logarithms
     of it.  ``weight`` is 1 / sigma of a normal prior about ``mean``, else 0.
     ``stated`` is log det of the stated sigmas, ``square`` the coordinate that
-    is k itself (-1: none), ``exact`` whether D^T r is the whole gradient.
+    is k itself (-1: none), ``exact`` whether D^T r is the whole gradient,
+    ``optics`` whether source, analyzer or diattenuation are free.
     """
 
     template: FloatArray
@@ -57,30 +59,42 @@ class Problem(NamedTuple):
     stated: float
     square: int
     exact: bool
+    optics: bool
 
 
 def problem_of(model: Model, rows: Rows) -> Problem:
     """The kernels' view of ``model`` fitted to ``rows``."""
-    normal = [prior.kind == "normal" for prior in model.priors]
-    logarithmic = np.array([prior.kind == "log_uniform" for prior in model.priors])
-    known = (rows.estimated < 0) & ~rows.censored
-    plain_k = np.flatnonzero((model.places == K) & ~logarithmic)
-    low, high = np.ascontiguousarray(model.ranges.T)
-    return Problem(
+    return _of_model(model.priors, tuple(model.places.tolist()))._replace(
         template=model.template,
-        places=model.places,
-        logarithmic=logarithmic & (model.places < FIRST_SIGMA),
-        mean=np.array([prior.mean for prior in model.priors]),
-        weight=np.array([1 / p.sigma if n else 0.0 for p, n in zip(model.priors, normal, strict=True)]),
-        low=low,
-        high=high,
-        stated=float(2 * np.sum(np.log(rows.sigma[known]))),
-        square=int(plain_k[0]) if len(plain_k) else -1,
-        exact=not (rows.errors_in_angle or rows.heavy_tailed or rows.censored.any()),
+        stated=stated_log_det(rows),
+        exact=not (rows.errors_in_angle or rows.heavy_tailed or bool(rows.censored.any())),
     )
 
 
-@kernel
+@lru_cache(maxsize=64)
+def _of_model(priors: tuple[Prior, ...], places: tuple[int, ...]) -> Problem:
+    """What a problem has of its model alone; many channels are fitted with one."""
+    at = np.array(places)
+    normal = np.array([prior.kind == "normal" for prior in priors])
+    logarithmic = np.array([prior.kind == "log_uniform" for prior in priors])
+    plain_k = np.flatnonzero((at == K) & ~logarithmic)
+    low, high = np.ascontiguousarray(search_ranges(priors).T)
+    return Problem(
+        template=np.empty(0),
+        places=at,
+        logarithmic=logarithmic & (at < FIRST_SIGMA),
+        mean=np.array([prior.mean for prior in priors]),
+        weight=np.array([1 / p.sigma if n else 0.0 for p, n in zip(priors, normal, strict=True)]),
+        low=low,
+        high=high,
+        stated=0.0,
+        square=int(plain_k[0]) if len(plain_k) else -1,
+        exact=True,
+        optics=bool(np.any((at > _DIFFUSE) & (at < FIRST_SIGMA))),
+    )
+
+
+@pasted
 def fill_vector(problem: Problem, x: FloatArray, p: FloatArray) -> None:
     """The full vector of coordinates ``x``."""
     p[:] = problem.template
@@ -88,12 +102,12 @@ def fill_vector(problem: Problem, x: FloatArray, p: FloatArray) -> None:
         p[problem.places[j]] = math.exp(x[j]) if problem.logarithmic[j] else x[j]
 
 
-@kernel
+@pasted
 def objective(rows: Rows, problem: Problem, x: FloatArray, whitened: FloatArray, gains: FloatArray) -> float:
     """F at ``x``, inf outside of the model's domain; fills the whitened residuals and the gains."""
     p, spread = np.empty(len(problem.template)), np.empty(len(whitened))
     fill_vector(problem, x, p)
-    chi2, log_det, _ = evaluate(rows, p, whitened, spread, gains)
+    chi2, log_det, _ = evaluate_normal(rows, p, whitened, spread, gains)
     value = chi2 + log_det - problem.stated
     for j in range(len(x)):
         value += ((x[j] - problem.mean[j]) * problem.weight[j]) ** 2
@@ -129,7 +143,7 @@ def objectives(rows: Rows, problem: Problem, points: FloatArray) -> FloatArray:
     return values
 
 
-@kernel
+@pasted
 def normal_equations(
     rows: Rows,
     problem: Problem,
@@ -168,7 +182,7 @@ def normal_equations(
             continue
         c, s = incidence(rows, i, turns)
         c = max(c, 0.0)
-        gradient_at_angle(rows, i, c, s, p, turns, by_p)
+        value = gradient_at_angle(rows, i, c, s, p, turns, problem.optics, by_p)
         g = rows.gain[i]
         gain = gains[g] if g >= 0 else 1.0
         e = rows.estimated[i]
@@ -189,7 +203,7 @@ def normal_equations(
                 row[j] = 0.0
             for m in range(j + 1):
                 curvature[j, m] += row[j] * row[m]
-        column = at_angle(rows, i, c, s, p, turns) / sigma if g >= 0 else 0.0
+        column = value / sigma if g >= 0 else 0.0
         if g >= 0:
             normal[g, g] += column * column
             for j in range(size):

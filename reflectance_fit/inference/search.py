@@ -14,18 +14,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.inference import optimize, starts
+from reflectance_fit.inference import batch, optimize, starts
 from reflectance_fit.inference.forward import ETA, FIRST_SIGMA, K, predict_vectors
 from reflectance_fit.inference.gauss_newton import descend_all
+from reflectance_fit.inference.least_squares import least_squares
 from reflectance_fit.inference.likelihood import deviances, evaluate
 from reflectance_fit.inference.models import Model
-from reflectance_fit.inference.normal_equations import (
-    Problem,
-    normal_equations,
-    objective,
-    objectives,
-    problem_of,
-)
+from reflectance_fit.inference.normal_equations import Problem, objective, objectives, problem_of
 from reflectance_fit.inference.rows import CODES, Rows
 from reflectance_fit.observations import Quantity
 from reflectance_fit.result import Optimum
@@ -48,11 +43,12 @@ def find(model: Model, rows: Rows, gains: list[str]) -> tuple[Optimum, list[opti
     priors do not move it.
     """
     problem = problem_of(model, rows)
-    first, more, nan_count = _starts(model, rows, problem)
+    points, values = _tried(model, rows, problem)
     ran = ["grid, closed forms, Gauss-Newton"]
-    basins = _descended(rows, problem, first)
+    basins = _descended(rows, problem, points.values[_lowest(points, values)])
     if _doubtful(model, rows, basins):
-        basins = _descended(rows, problem, np.concatenate([first, more]))
+        many = np.concatenate([_lowest(points, values), _more(points, values)])
+        basins = _descended(rows, problem, points.values[many])
         ran[0] += " from many starts"
     if basins and not (problem.exact and basins[0].converged):
         basins[0] = _last_word(rows, problem, basins[0])
@@ -69,29 +65,35 @@ def find(model: Model, rows: Rows, gains: list[str]) -> tuple[Optimum, list[opti
     if not basins:
         raise ValueError(f"no finite likelihood anywhere for the model {model.name}")
     basins.sort(key=lambda b: b.objective)
-    basins[0] = replace(basins[0], nan_count=nan_count + sum(b.nan_count for b in basins))
+    basins[0] = replace(basins[0], nan_count=int(np.isinf(values).sum()) + sum(b.nan_count for b in basins))
     return describe(model, rows, gains, basins[0], ", ".join(ran)), basins
 
 
-def _starts(model: Model, rows: Rows, problem: Problem) -> tuple[FloatArray, FloatArray, int]:
-    """The lowest local minima of grid and line with the best closed forms; more points; how many were NaN."""
+def _tried(model: Model, rows: Rows, problem: Problem) -> tuple[starts.Points, FloatArray]:
+    """Where a descent may begin, and the objective there, or what is in the same order."""
+    points = starts.points(model, rows)
     # Errors of the angles and censored rows matter little for where the basins are, and cost a lot.
-    coarse = rows._replace(theta_sigma=np.zeros_like(rows.theta_sigma), errors_in_angle=False)
-    points, shape = starts.grid(model)
-    parts = [points, starts.line(model, rows) if ETA in model.places else points[:0]]
-    parts.append(starts.closed_forms(model, rows))
-    points = np.concatenate(parts)
-    values = objectives(coarse, problem, points)
-    first, second = len(parts[0]), len(parts[0]) + len(parts[1])
-    chosen = [
-        int(np.ravel_multi_index(i, shape)) for i in optimize.grid_minima(values[:first].reshape(shape))
-    ]
-    chosen += [first + i for (i,) in optimize.grid_minima(values[first:second])]
-    chosen += [second + int(i) for i in np.argsort(values[second:])[:_CLOSED]]
-    chosen = sorted((i for i in chosen if math.isfinite(values[i])), key=lambda i: float(values[i]))
+    coarse = rows
+    if rows.errors_in_angle:
+        coarse = rows._replace(theta_sigma=np.zeros_like(rows.theta_sigma), errors_in_angle=False)
+    if batch.serves(coarse) and model.template.size == FIRST_SIGMA:
+        # With the gains integrated out, which leaves basins where they are.
+        return points, -2 * batch.blocks(coarse, model.full(points.values))
+    return points, objectives(coarse, problem, points.values)
+
+
+def _lowest(points: starts.Points, values: FloatArray) -> list[int]:
+    """The lowest local minima of grid and line with the best closed forms."""
+    first, second = points.grid, points.grid + points.line
+    chosen = optimize.grid_minima(values[:first].reshape(points.shape))
+    chosen += [first + i for i in optimize.grid_minima(values[first:second])]
+    chosen += (second + np.argsort(values[second:])[:_CLOSED]).tolist()
+    return sorted((i for i in chosen if math.isfinite(values[i])), key=values.__getitem__)[:_STARTS]
+
+
+def _more(points: starts.Points, values: FloatArray) -> NDArray[np.int64]:
     lowest = np.argsort(values)[:_MORE]
-    more = np.union1d(lowest[np.isfinite(values[lowest])], np.arange(0, len(parts[0]), _EVERY))
-    return points[chosen[:_STARTS]], points[more], int(np.isinf(values).sum())
+    return np.union1d(lowest[np.isfinite(values[lowest])], np.arange(0, points.grid, _EVERY))
 
 
 def _doubtful(model: Model, rows: Rows, basins: list[optimize.Basin]) -> bool:
@@ -108,11 +110,11 @@ def _doubtful(model: Model, rows: Rows, basins: list[optimize.Basin]) -> bool:
 
 def _descended(rows: Rows, problem: Problem, points: FloatArray) -> list[optimize.Basin]:
     """The minima that Gauss-Newton finds, best first, each once."""
-    values, converged, nan_count = descend_all(rows, problem, points)
+    values, converged, curvatures, nan_count = descend_all(rows, problem, points)
     kept: list[optimize.Basin] = []
     reach: list[FloatArray] = []  # how far from each of them another end is the same minimum
-    for i in np.argsort(values, kind="stable"):
-        x, value = points[i], float(values[i])
+    for i in np.argsort(values, kind="stable").tolist():
+        x, value, curvature = points[i], float(values[i]), curvatures[i]
         if not math.isfinite(value):
             break
         same = (
@@ -120,7 +122,6 @@ def _descended(rows: Rows, problem: Problem, points: FloatArray) -> list[optimiz
             for other, near in zip(kept, reach, strict=True)
         )
         if not any(same):
-            curvature = _curvature(rows, problem, x)
             kept.append(optimize.Basin(x, value, 0, bool(converged[i]), curvature=curvature))
             # A tenth of a standard deviation.
             deviation = 0.1 / np.sqrt(np.maximum(curvature.diagonal(), 1e-300))
@@ -130,15 +131,6 @@ def _descended(rows: Rows, problem: Problem, points: FloatArray) -> list[optimiz
     return kept
 
 
-def _curvature(rows: Rows, problem: Problem, x: FloatArray) -> FloatArray:
-    """Half of the objective's Hessian by Gauss-Newton, shape (P, P): the inverse of a covariance."""
-    whitened, gains = np.empty(len(rows.value)), np.empty(rows.gains)
-    gradient, curvature = np.empty(len(x)), np.empty((len(x), len(x)))
-    objective(rows, problem, x, whitened, gains)
-    normal_equations(rows, problem, x, False, whitened, gains, gradient, curvature)
-    return curvature
-
-
 def _scalar(rows: Rows, problem: Problem) -> optimize.Objective:
     whitened, gains = np.empty(len(rows.value)), np.empty(rows.gains)
     return lambda x: objective(rows, problem, x, whitened, gains)
@@ -146,7 +138,8 @@ def _scalar(rows: Rows, problem: Problem) -> optimize.Objective:
 
 def _last_word(rows: Rows, problem: Problem, basin: optimize.Basin) -> optimize.Basin:
     """nlopt on the whole objective from where Gauss-Newton came to, in steps of a standard deviation."""
-    stiff = np.maximum(_curvature(rows, problem, basin.x).diagonal(), 1e-300)
+    assert basin.curvature is not None
+    stiff = np.maximum(basin.curvature.diagonal(), 1e-300)
     width = problem.high - problem.low
     step = np.clip(1 / np.sqrt(stiff), 1e-9 * width, 0.1 * width)
     found = optimize.minimise(
@@ -155,14 +148,11 @@ def _last_word(rows: Rows, problem: Problem, basin: optimize.Basin) -> optimize.
     best = optimize.better(basin, found)
     if problem.exact and problem.places[-1] < FIRST_SIGMA:
         # A sum of squares: least squares by other steps than ours.
-        polished = optimize.least_squares(_residuals(rows, problem), best.x, (problem.low, problem.high))
+        polished = least_squares(_residuals(rows, problem), best.x, (problem.low, problem.high))
         value = _scalar(rows, problem)(polished.x)
         best = optimize.better(best, replace(polished, objective=value))
-    return replace(
-        best,
-        converged=best.converged or found.converged,
-        curvature=_curvature(rows, problem, best.x),
-    )
+    _, _, curvatures, _ = descend_all(rows, problem, best.x[None].copy())
+    return replace(best, converged=best.converged or found.converged, curvature=curvatures[0])
 
 
 def _residuals(rows: Rows, problem: Problem) -> Callable[[FloatArray], FloatArray]:
@@ -207,7 +197,9 @@ def describe(model: Model, rows: Rows, gains: list[str], basin: optimize.Basin, 
     vector = model.full(basin.x)[0]
     whitened, spread, gain_values = np.empty(len(used)), np.empty(len(used)), np.empty(rows.gains)
     chi2, _, _ = evaluate(rows, vector, whitened, spread, gain_values)
-    chi2 += float(_penalties(model, basin.x[None]).sum())
+    penalised = model.penalised
+    if penalised:
+        chi2 += float(_penalties(model, basin.x[None]).sum())
     parameters = len(model.names) + rows.gains
     predicted = predict_vectors(rows, vector[None], gain_values)[0]
     difference = rows.value - predicted
@@ -222,7 +214,7 @@ def describe(model: Model, rows: Rows, gains: list[str], basin: optimize.Basin, 
         objective=basin.objective,
         chi2=chi2,
         # A normal prior is one more datum, its parameter one more parameter.
-        dof=n + len(model.penalised) - parameters,
+        dof=n + len(penalised) - parameters,
         bic=basin.objective + parameters * math.log(n),
         predicted=predicted[used],
         sigma=spread[used],

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.inference.forward import ETA, K
-from reflectance_fit.inference.models import Model
+from reflectance_fit.inference.models import Model, search_ranges
 from reflectance_fit.inference.rows import CODES, Rows
 from reflectance_fit.observations import Quantity
 from reflectance_fit.physics.ellipsometry import rho_from_psi_delta
 from reflectance_fit.physics.inversion import eta_from_r0, index_from_rho
+from reflectance_fit.priors import Prior
 
 FloatArray = NDArray[np.float64]
 
@@ -23,66 +26,90 @@ _MOST_ROWS = 6  # of a kind that give a start each
 _NORMAL = math.cos(math.radians(25))  # within it every reflectance of a dielectric is R0 to a percent or so
 
 
-def grid(model: Model) -> tuple[FloatArray, tuple[int, ...]]:
-    """Points over log eta and k, or whichever of them is free, nuisances at their centres: (D, P), and the grid's shape.
+class Points(NamedTuple):
+    """Coordinates, shape (D, P): first ``grid`` of a grid of ``shape``, then ``line`` dielectrics, then closed forms."""
 
-    Denser towards k = 0, where the reflectances depend on k^2 and weak absorbers live.
+    values: FloatArray
+    shape: tuple[int, ...]
+    grid: int
+    line: int
+
+
+class _Frame(NamedTuple):
+    """What starts have of the model alone.  ``eta`` is its coordinate (-1: known), ``low`` and ``high`` the ranges."""
+
+    free: list[int]
+    eta: int
+    low: FloatArray
+    high: FloatArray
+    centre: FloatArray
+    grid: FloatArray
+    shape: tuple[int, ...]
+
+
+def points(model: Model, rows: Rows) -> Points:
+    """Where a search of ``model`` may begin, nuisances at their centres."""
+    frame = _frame(model.priors, tuple(model.places.tolist()))
+    along = _line(model, rows, frame) if frame.eta >= 0 else frame.grid[:0]
+    values = np.concatenate([frame.grid, along, closed_forms(model, rows)])
+    return Points(values, frame.shape, len(frame.grid), len(along))
+
+
+@lru_cache(maxsize=64)
+def _frame(priors: tuple[Prior, ...], places: tuple[int, ...]) -> _Frame:
+    """The grid is over log eta and k, or whichever of them is free, denser towards k = 0.
+
+    There the reflectances depend on k^2, and weak absorbers live.
     """
-    free = _material(model)
-    bounds = model.ranges[free]
-    spacing = [
-        np.linspace(0, 1, (_K_POINTS if is_k else _ETA_POINTS) if len(free) == 2 else _LINE_POINTS)
-        ** (3 if is_k else 1)
-        for is_k in model.places[free] == K
-    ]
-    axes = [low + (high - low) * share for (low, high), share in zip(bounds, spacing, strict=True)]
-    if len(free) == 1:
-        return _points(model, axes[0][:, None], free), axes[0].shape
-    first, second = axes
-    values = np.stack([np.repeat(first, len(second)), np.tile(second, len(first))], axis=1)
-    return _points(model, values, free), (len(first), len(second))
+    free = [j for j, place in enumerate(places) if place in (ETA, K)]
+    low, high = search_ranges(priors).T
+    axes = []
+    for j in free:
+        count = (_K_POINTS if places[j] == K else _ETA_POINTS) if len(free) == 2 else _LINE_POINTS
+        axes.append(low[j] + (high[j] - low[j]) * np.linspace(0, 1, count) ** (3 if places[j] == K else 1))
+    centre = np.array([prior.centre for prior in priors])
+    values = np.stack([axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")], axis=1)
+    eta = places.index(ETA) if ETA in places else -1
+    grid = _points(centre, values, free)
+    return _Frame(free, eta, low, high, centre, grid, tuple(len(axis) for axis in axes))
 
 
-def line(model: Model, rows: Rows) -> FloatArray:
+def _line(model: Model, rows: Rows, frame: _Frame) -> FloatArray:
     """Dielectrics in order of eta, (D, P): evenly in log eta, and between the critical angles of the rows.
 
     With eta < 1 every angle of the data is the critical angle of some eta, where the objective has a corner: it
     may have minima of its own between any two of them, often close above the lower one.
     """
-    free = _material(model)
-    at = int(np.flatnonzero(model.places == ETA)[0])
-    low, high = model.ranges[at]
+    low, high = frame.low[frame.eta], frame.high[frame.eta]
     sines = rows.exterior_ior * np.unique(np.abs(rows.sin_theta))
     between = np.concatenate([sines[:-1] + share * np.diff(sines) for share in _BETWEEN])
-    between = model.priors[at].to_coordinate(between)
-    eta = np.sort(np.concatenate([np.linspace(low, high, _LINE_POINTS), between]))
-    eta = eta[(eta >= low) & (eta <= high)]
-    values = np.empty((len(eta), len(free)))
-    for column, j in enumerate(free):
-        values[:, column] = eta if j == at else model.ranges[j][0]
-    return _points(model, values, free)
-
-
-def _material(model: Model) -> list[int]:
-    """The coordinates that are eta and k."""
-    return [j for j, place in enumerate(model.places) if place in (ETA, K)]
+    between = model.priors[frame.eta].to_coordinate(between)
+    eta = np.concatenate([np.linspace(low, high, _LINE_POINTS), between])
+    eta = np.sort(eta[(eta >= low) & (eta <= high)])
+    found = np.empty((len(eta), len(frame.centre)))
+    found[:] = frame.centre
+    found[:, frame.free] = frame.low[frame.free]
+    found[:, frame.eta] = eta
+    return found
 
 
 def closed_forms(model: Model, rows: Rows) -> FloatArray:
     """Points, shape (D, P), from rows that give the index alone or in pairs; D may be 0."""
     there = set(rows.code.tolist())
-    found = [form(rows) for form, needed in _FORMS if there & {CODES[quantity] for quantity in needed}]
+    found = [form(rows) for form, needed in _FORMS if not there.isdisjoint(needed)]
+    frame = _frame(model.priors, tuple(model.places.tolist()))
     if not found:
-        return np.empty((0, len(model.names)))
+        return frame.grid[:0]
     index = rows.exterior_ior * np.concatenate(found)
     index = index[np.isfinite(index).all(axis=1) & (index[:, 0] > 0)]
-    free = _material(model)
-    columns = [model.priors[j].to_coordinate(index[:, int(model.places[j] == K)]) for j in free]
-    return np.clip(_points(model, np.stack(columns, axis=1), free), *model.ranges.T)
+    columns = [model.priors[j].to_coordinate(index[:, 0 if j == frame.eta else 1]) for j in frame.free]
+    values = _points(frame.centre, np.stack(columns, axis=1), frame.free)
+    return np.minimum(np.maximum(values, frame.low), frame.high)
 
 
-def _points(model: Model, values: FloatArray, free: list[int]) -> FloatArray:
-    points = np.tile(np.array([prior.centre for prior in model.priors]), (len(values), 1))
+def _points(centre: FloatArray, values: FloatArray, free: list[int]) -> FloatArray:
+    points = np.empty((len(values), len(centre)))
+    points[:] = centre
     points[:, free] = values
     return points
 
@@ -145,7 +172,8 @@ def _dielectric(rows: Rows) -> FloatArray:
 def _brewster(rows: Rows) -> FloatArray:
     """The angle where p is least, taken for Brewster's."""
     found = []
-    for quantity in _P_ALONE:
+    there = set(rows.code.tolist())
+    for quantity in (q for q in _P_ALONE if CODES[q] in there):
         i = _rows_of(rows, quantity)
         if len(i) > 2:
             least = i[np.argmin(rows.value[i])]
@@ -170,9 +198,12 @@ def _transparent(eta: FloatArray) -> FloatArray:
 _ABSOLUTE = (Quantity.REFLECTANCE_S, Quantity.REFLECTANCE_P)
 _P_ALONE = (Quantity.REFLECTANCE_P, Quantity.SIGNAL_P, Quantity.RATIO_PS, Quantity.PSI_DEG)
 # Each closed form and the quantities of which it needs one at least.
-_FORMS: tuple[tuple[Callable[[Rows], FloatArray], tuple[Quantity, ...]], ...] = (
-    (_ellipsometric, (Quantity.DELTA_DEG,)),
-    (_dielectric, (Quantity.REFLECTANCE_S, Quantity.RATIO_PS, Quantity.DOLP, Quantity.PSI_DEG)),
-    (_brewster, _P_ALONE),
-    (_normal_incidence, (Quantity.REFLECTANCE, *_ABSOLUTE)),
+_FORMS: tuple[tuple[Callable[[Rows], FloatArray], frozenset[int]], ...] = tuple(
+    (form, frozenset(CODES[quantity] for quantity in quantities))
+    for form, quantities in (
+        (_ellipsometric, (Quantity.DELTA_DEG,)),
+        (_dielectric, (Quantity.REFLECTANCE_S, Quantity.RATIO_PS, Quantity.DOLP, Quantity.PSI_DEG)),
+        (_brewster, _P_ALONE),
+        (_normal_incidence, (Quantity.REFLECTANCE, *_ABSOLUTE)),
+    )
 )

@@ -37,20 +37,21 @@ def gain_mode(
     """Mode and curvature of gain ``g``'s law, row ``skip`` left out; from the weighted median where start is NaN."""
     gain = start
     if math.isnan(gain):
-        members = np.empty(len(f), np.int64)
-        count = 0
+        # By insertion: numpy's sort would take longer to compile than all of this.
+        ratios, weights = np.empty(len(f)), np.empty(len(f))
+        count, half, below = 0, 0.0, 0.0
         for i in range(len(f)):
             if rows.gain[i] == g and not rows.censored[i] and i != skip and f[i] > 0:
-                members[count] = i
+                ratio, j = target[i] / f[i], count
+                while j > 0 and ratios[j - 1] > ratio:
+                    ratios[j], weights[j] = ratios[j - 1], weights[j - 1]
+                    j -= 1
+                ratios[j], weights[j] = ratio, f[i] / sigma[i]
+                half += 0.5 * f[i] / sigma[i]
                 count += 1
         if count == 0:
             return math.nan, 0.0
-        ratios, weights = np.empty(count), np.empty(count)
         for j in range(count):
-            i = members[j]
-            ratios[j], weights[j] = target[i] / f[i], f[i] / sigma[i]
-        half, below = 0.5 * weights.sum(), 0.0
-        for j in np.argsort(ratios):
             below += weights[j]
             if below >= half:
                 gain = ratios[j]

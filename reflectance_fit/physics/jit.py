@@ -50,13 +50,19 @@ def _private_folder() -> Path | None:
 _FOLDER = _private_folder()
 
 
-def _compile(function: Function, *, forceinline: bool = False, parallel: bool = False) -> Function:
+def _compile(
+    function: Function, *, forceinline: bool = False, parallel: bool = False, inline: str = "never"
+) -> Function:
     # numba reads the folder when it decorates; other libraries' kernels keep theirs.
     before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
     numba.config.CACHE_DIR = str(_FOLDER or before)  # type: ignore[attr-defined]
     try:
         compiled: Any = njit(
-            cache=_FOLDER is not None, error_model="numpy", forceinline=forceinline, parallel=parallel
+            cache=_FOLDER is not None,
+            error_model="numpy",
+            forceinline=forceinline,
+            parallel=parallel,
+            inline=inline,
         )(function)
         return cast(Function, compiled)
     finally:
@@ -79,6 +85,11 @@ def threaded(function: Function) -> Function:
 def inlined(function: Function) -> Function:
     """As ``kernel``, for small helpers: inlined, because a tuple of arrays is costly to hand over."""
     return _compile(function, forceinline=True)
+
+
+def pasted(function: Function) -> Function:
+    """As ``kernel``, for large helpers: pasted as source, so that they are not compiled once on their own as well."""
+    return _compile(function, inline="always")
 
 
 def shared(function: Function) -> Function:

@@ -78,7 +78,7 @@ def test_blocks_equal_one_vector_at_a_time(rows_of, priors, name, spread):
     assert finite.sum() > 20
     np.testing.assert_array_equal(np.isfinite(found), finite)
     np.testing.assert_allclose(found[finite], expected[finite], rtol=1e-10, atol=1e-8)
-    assert batch._simple(rows)
+    assert batch.serves(rows)
 
 
 def test_what_blocks_cannot_do_goes_to_the_one_that_can(rows_of, priors):
@@ -90,7 +90,7 @@ def test_what_blocks_cannot_do_goes_to_the_one_that_can(rows_of, priors):
         replace(plain, flag=flags),
     ):
         rows = pack(o, 1.0)
-        assert not batch._simple(rows)
+        assert not batch.serves(rows)
         model = models.build("conductor", rows, priors, {"angle_offset_deg": 1.0}, [])
         vectors = vectors_of(model, 70)
         expected = likelihood.log_likelihoods(rows, vectors)

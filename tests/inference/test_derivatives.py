@@ -32,15 +32,18 @@ K = st.one_of(st.just(0.0), st.floats(1e-6, 20.0))
 # Central differences of order 8: weights of the steps 1 to 4 to either side.
 WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
 
+OPTICS = ("source_dolp", "source_azimuth_deg", "analyzer_offset_deg", "diattenuation")
+
 
 @kernel
-def gradients(rows, p):
+def gradients(rows, p, optics=True):
+    values = np.empty(len(rows.code))
     out = np.empty((len(rows.code), FIRST_SIGMA))
     turns = turns_of(p)
     for i in range(len(rows.code)):
         c, s = incidence(rows, i, turns)
-        gradient_at_angle(rows, i, c, s, p, turns, out[i])
-    return out
+        values[i] = gradient_at_angle(rows, i, c, s, p, turns, optics, out[i])
+    return values, out
 
 
 def differences(f, step):
@@ -105,7 +108,10 @@ def test_every_row_changes_as_its_differences_say(rows_of, quantity, seed):
         "diattenuation": 0.97,
     }.items():
         p[FIRST_NUISANCE + NUISANCES[name].index] = value
-    found = gradients(rows, p)
+    values, found = gradients(rows, p)
+    plain = p.copy()
+    plain[[FIRST_NUISANCE + NUISANCES[name].index for name in ("dark_offset", "diffuse")]] = 0.0
+    assert values == pytest.approx(predict_vectors(rows, plain[None], np.ones(rows.gains))[0], rel=1e-13)
     for j in range(FIRST_SIGMA):
 
         def moved(step, j=j):
@@ -119,6 +125,11 @@ def test_every_row_changes_as_its_differences_say(rows_of, quantity, seed):
         expected = differences(moved, 2e-3)
         # Per degree or per unit, so of order 1 or less; the differences are right to about 1e-12 of the value.
         assert found[:, j] == pytest.approx(expected, rel=1e-8, abs=1e-9), j
+    few = gradients(rows, p, False)[1]
+    optics = [FIRST_NUISANCE + NUISANCES[name].index for name in OPTICS]
+    assert not few[:, optics].any()
+    others = np.setdiff1d(np.arange(FIRST_SIGMA), optics)
+    assert np.array_equal(few[:, others], found[:, others])
 
 
 def test_at_normal_incidence_and_beyond_it_nothing_is_infinite(rows_of):
@@ -127,10 +138,10 @@ def test_at_normal_incidence_and_beyond_it_nothing_is_infinite(rows_of):
     p[:2] = 0.7, 0.0
     offset = FIRST_NUISANCE + NUISANCES["angle_offset_deg"].index
     rows = pack(rows_of([0.0, 10.0], "reflectance_p", 1.0), 1.0)
-    here = gradients(rows, p)
+    _, here = gradients(rows, p)
     assert here[0, offset] == 0.0
     assert np.isfinite(here).all()
     p[offset] = -20.0
-    there = gradients(rows, p)
+    _, there = gradients(rows, p)
     assert there[1] == pytest.approx(np.where(np.arange(FIRST_SIGMA) == offset, -here[1], here[1]), rel=1e-12)
     assert np.isfinite(interface_gradients(np.cos(0.5), np.sin(0.5), np.sin(0.5), 0.0)).all()

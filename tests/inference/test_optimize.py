@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from reflectance_fit.inference import models, optimize, search
+from reflectance_fit.inference.least_squares import least_squares
 from reflectance_fit.inference.rows import gain_names, pack
 from reflectance_fit.observations import concatenate
 from reflectance_fit.physics.ellipsometry import psi_delta
@@ -51,7 +52,7 @@ def test_nan_is_counted_and_the_best_finite_point_wins():
 def test_grid_minima_are_all_and_only_the_local_ones():
     x = np.linspace(0, 4 * np.pi, 400)
     values = np.cos(x) + 0.01 * x
-    assert [round(float(x[i]) / np.pi) for (i,) in optimize.grid_minima(values)] == [1, 3]
+    assert [round(float(x[i]) / np.pi) for i in optimize.grid_minima(values)] == [1, 3]
     values[::7] = np.nan
     assert all(np.isfinite(values[i]) for i in optimize.grid_minima(values))
     plane = np.add.outer(np.cos(x), np.cos(x))
@@ -108,18 +109,18 @@ def test_least_squares_to_the_last_digits():
         return b[0] * np.exp(-t) + b[1] * 1e12 * t**2 - (truth[0] * np.exp(-t) + truth[1] * 1e12 * t**2)
 
     for bounds in (None, (np.zeros(2), np.array([1e7, 1.0]))):
-        found = optimize.least_squares(residuals, np.array([1e5, 1e-5]), bounds)
+        found = least_squares(residuals, np.array([1e5, 1e-5]), bounds)
         assert found.converged
         assert found.x == pytest.approx(truth, rel=1e-12)
-    held = optimize.least_squares(residuals, np.array([1e5, 1e-5]), (np.zeros(2), np.array([1e6, 1.0])))
+    held = least_squares(residuals, np.array([1e5, 1e-5]), (np.zeros(2), np.array([1e6, 1.0])))
     assert held.x[0] == pytest.approx(1e6, rel=1e-6)
 
 
 def test_least_squares_counts_nan():
-    found = optimize.least_squares(lambda b: np.sqrt(b) - np.array([0.0, 2.0]), np.array([1.0, 9.0]))
+    found = least_squares(lambda b: np.sqrt(b) - np.array([0.0, 2.0]), np.array([1.0, 9.0]))
     assert found.x[1] == pytest.approx(4.0)
     assert found.nan_count >= 0
-    walled = optimize.least_squares(lambda b: np.full(3, np.nan), np.array([1.0, 2.0]))
+    walled = least_squares(lambda b: np.full(3, np.nan), np.array([1.0, 2.0]))
     assert walled.nan_count > 0
     assert not walled.converged
 

@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import norm, t
 
 from reflectance_fit.inference import leave_one_out
-from reflectance_fit.inference.forward import neutral_vector, predict_vectors
+from reflectance_fit.inference.forward import FIRST_SIGMA, neutral_vector, predict_vectors
 from reflectance_fit.inference.likelihood import deviances, evaluate, log_likelihoods
 from reflectance_fit.inference.rows import pack
 from reflectance_fit.observations import concatenate
@@ -21,7 +21,7 @@ from reflectance_fit.physics.fresnel import reflectances
 def vector(eta, k=0.0, sigmas=()):
     p = neutral_vector(len(sigmas))
     p[:2] = eta, k
-    p[9:] = np.log(sigmas)
+    p[FIRST_SIGMA:] = np.log(sigmas)
     return p
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.inference.optimize import least_squares
+from reflectance_fit.inference.least_squares import least_squares
 
 Floats = NDArray[np.float64]
 

@@ -90,7 +90,7 @@ def reference(s: Scene, seed: int) -> float:
     share = generator.random((MULTISTARTS, len(s.model.names)))
     share[:, s.model.names.index("k")] **= 2
     points = problem.low + (problem.high - problem.low) * share
-    values, _, _ = descend_all(s.rows, problem, points)
+    values, _, _, _ = descend_all(s.rows, problem, points)
     best = int(np.argmin(values))
     polished = optimize.minimise(
         scalar(s), points[best], s.model.ranges, 1e-3 * (problem.high - problem.low), "local"
@@ -110,7 +110,7 @@ def _closed_form_reaches(s: Scene, best: float) -> bool:
     if not len(points):
         return False
     chosen = points[np.argsort(objectives(s.rows, problem, points))[:2]]
-    values, _, _ = descend_all(s.rows, problem, chosen)
+    values, _, _, _ = descend_all(s.rows, problem, chosen)
     return bool(values.min() - best <= CLOSE * max(1.0, abs(best)))
 
 
