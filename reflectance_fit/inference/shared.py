@@ -94,13 +94,14 @@ def share_dispersion(
         progress=(lambda done, most: progress("sampling all channels", done, most)) if progress else None,
     )
     candidates = (
-        Candidate("dielectric_cauchy", *_counts(optimum), optimum.bic),
+        Candidate("dielectric_cauchy", *_counts(optimum), optimum.bic, nuisances=tuple(sigmas)),
         Candidate(
             "dielectric_by_channel",
             parameters,
             sum(fit.optimum.chi2 for fit in fits),
             sum(fit.optimum.dof for fit in fits),
             apart,
+            nuisances=tuple(sigmas),
         ),
     )
     because = f"k adds nothing; one Cauchy curve for {', '.join(names)}: delta BIC = {difference:.4g}"

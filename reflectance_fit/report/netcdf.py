@@ -105,8 +105,10 @@ def _draws(fit: Fit) -> dict[str, FloatArray]:
     if fit.shared is not None:
         draws["cauchy_b_um2"] = fit.shared.cauchy_b_um2
     if fit.k_posterior is not None:
-        pick = _even(len(fit.k_posterior.ensemble), len(fit.posterior.ensemble))
-        draws["k_conductor"] = fit.k_posterior.samples["k"][pick]
+        # Fewer draws were asked for: each stands several times, chain by chain, which no quantile minds.
+        found, shape = fit.k_posterior.samples["k"], fit.posterior.log_density.shape
+        chain, draw = (_even(have, want) for have, want in zip(found.shape, shape, strict=True))
+        draws["k_conductor"] = found[np.ix_(chain, draw)]
     return draws
 
 
