@@ -14,7 +14,7 @@ import os
 import stat
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, Literal, TypeVar, cast
 
 import numba
 from numba import njit
@@ -51,7 +51,11 @@ _FOLDER = _private_folder()
 
 
 def _compile(
-    function: Function, *, forceinline: bool = False, parallel: bool = False, inline: str = "never"
+    function: Function,
+    *,
+    forceinline: bool = False,
+    parallel: bool = False,
+    inline: Literal["never", "always"] = "never",
 ) -> Function:
     # numba reads the folder when it decorates; other libraries' kernels keep theirs.
     before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
