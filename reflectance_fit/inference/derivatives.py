@@ -192,7 +192,8 @@ def gradient_at_angle(
     offset is by the angle of incidence.  The background's (dark offset and
     diffuse light) are 0: they are no part of `at_angle`.
     """
-    out[:] = 0.0
+    for j in range(len(out)):
+        out[j] = 0.0
     a, b = rows.cos_spread[i], rows.sin_spread[i]
     sides = 2 if b > 0 else 1
     eta = p[ETA] + p[SLOPE] * rows.dispersion[i]

@@ -103,11 +103,15 @@ def at_angle(rows: Rows, i: int, c: float, s: float, p: FloatArray, turns: Turns
     deviation to either side: exact to the third moment of the range.
     """
     a, b = rows.cos_spread[i], rows.sin_spread[i]
-    if b > 0:
-        below = _at_one_angle(rows, i, c * a + s * b, s * a - c * b, p, turns)
-        above = _at_one_angle(rows, i, max(c * a - s * b, 0.0), s * a + c * b, p, turns)
-        return 0.5 * (below + above)
-    return _at_one_angle(rows, i, c, s, p, turns)
+    sides, total = 2 if b > 0 else 1, 0.0
+    # One call in a loop, as it is inlined into every kernel.
+    for side in range(sides):
+        cc, ss = c, s
+        if b > 0:
+            sign = 1.0 if side == 0 else -1.0
+            cc, ss = max(c * a + sign * s * b, 0.0), s * a - sign * c * b
+        total += _at_one_angle(rows, i, cc, ss, p, turns)
+    return total / sides
 
 
 @inlined

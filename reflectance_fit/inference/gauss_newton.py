@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from reflectance_fit.inference.likelihood import cholesky_solve
 from reflectance_fit.inference.normal_equations import Problem, normal_equations, objective
 from reflectance_fit.inference.rows import Rows
-from reflectance_fit.physics.jit import inlined, kernel, pasted
+from reflectance_fit.physics.jit import inlined, kernel
 
 FloatArray = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ def _probe(
     return (math.sqrt(moved) if root else moved), step, sign
 
 
-@pasted
+@inlined
 def _step(
     gradient: FloatArray,
     curvature: FloatArray,
@@ -63,9 +63,9 @@ def _step(
     What would leave the box is put onto its bound and the rest solved again.
     """
     size = len(y)
-    held = np.zeros(size, dtype=np.bool_)
-    step[:] = 0.0
+    held = np.empty(size, dtype=np.bool_)
     for j in range(size):
+        step[j] = 0.0
         held[j] = (y[j] <= low[j] and gradient[j] > 0) or (y[j] >= high[j] and gradient[j] < 0)
     matrix, rhs = np.empty((size, size)), np.empty(size)
     for _ in range(size):
@@ -80,9 +80,9 @@ def _step(
             matrix[j, j] = 1.0 if held[j] else curvature[j, j] * (1 + damping) + floor
         if not math.isfinite(cholesky_solve(matrix, rhs)):
             return math.nan
-        step[:] = rhs
         worst, outside = 0.0, -1
         for j in range(size):
+            step[j] = rhs[j]
             beyond = max(low[j] - y[j] - step[j], y[j] + step[j] - high[j]) / (high[j] - low[j] + 1e-300)
             if not held[j] and beyond > worst:
                 worst, outside = beyond, j
@@ -222,7 +222,8 @@ def descend_all(
                     little = max(_TOLERANCE * (1 + abs(value)), _LITTLE * (value - best - _HIGH))
                     converged = abs(promised) <= little
                 elif math.isnan(promised):
-                    step[:] = 0.0
+                    for j in range(size):
+                        step[j] = 0.0
         values[d], rested[d] = value, converged and not joined
         if rested[d]:
             best = min(best, value)

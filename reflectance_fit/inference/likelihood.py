@@ -58,15 +58,20 @@ def design(
         c, s = incidence(rows, i, turns)
         if not c > 0:
             return False
-        f[i] = at_angle(rows, i, c, s, p, turns)
-        slope[i] = 0.0
-        if rows.theta_sigma[i] > 0:
-            # A step to either side, whose cosine is 1 but for step^2 / 2, the same on both.
-            rise = at_angle(rows, i, max(c - s * _STEP, 0.0), s + c * _STEP, p, turns)
-            rise -= at_angle(rows, i, c + s * _STEP, s - c * _STEP, p, turns)
-            if rows.code[i] == _DELTA:
-                rise = (rise + 180.0) % 360.0 - 180.0
-            slope[i] = rise / (2 * _STEP)
+        f[i], slope[i], below = 0.0, 0.0, 0.0
+        # Then a step to either side, whose cosine is 1 but for step^2 / 2, the same on both.
+        for side in range(3 if rows.theta_sigma[i] > 0 else 1):
+            step = 0.0 if side == 0 else (-_STEP if side == 1 else _STEP)
+            value = at_angle(rows, i, max(c - s * step, 0.0), s + c * step, p, turns)
+            if side == 0:
+                f[i] = value
+            elif side == 1:
+                below = value
+            else:
+                rise = value - below
+                if rows.code[i] == _DELTA:
+                    rise = (rise + 180.0) % 360.0 - 180.0
+                slope[i] = rise / (2 * _STEP)
         sigma[i] = rows.sigma[i] if rows.estimated[i] < 0 else math.exp(p[FIRST_SIGMA + rows.estimated[i]])
         if rows.gain[i] >= 0:
             target[i] = rows.value[i] - background(rows, i, p)
@@ -135,8 +140,14 @@ def evaluate_normal(
     share = np.zeros(rows.settings)  # sigma_theta^2 / (1 + sigma_theta^2 steepness)
     log_det_normal = 0.0
     for turn in range(_ROUNDS if rows.errors_in_angle else 1):
-        normal[:], rhs[:] = 0.0, 0.0
-        coupling[:], pull[:], steepness[:], share[:] = 0.0, 0.0, 0.0, 0.0
+        for g in range(rows.gains):
+            rhs[g] = 0.0
+            for h in range(rows.gains):
+                normal[g, h] = 0.0
+        for a in range(rows.settings if turn > 0 else 0):
+            pull[a], steepness[a], share[a] = 0.0, 0.0, 0.0
+            for g in range(rows.gains):
+                coupling[a, g] = 0.0
         for i in range(n):
             if rows.censored[i]:
                 continue
@@ -160,7 +171,8 @@ def evaluate_normal(
                     rhs[g] -= share[a] * coupling[a, g] * pull[a]
                     for h in range(rows.gains):
                         normal[g, h] -= share[a] * coupling[a, g] * coupling[a, h]
-        gains[:] = rhs
+        for g in range(rows.gains):
+            gains[g] = rhs[g]
         log_det_normal = cholesky_solve(normal, gains)
         if math.isnan(log_det_normal):
             return math.nan, 0.0, 0.0
@@ -176,9 +188,9 @@ def evaluate_normal(
     log_integral -= 0.5 * log_det_normal
 
     # Residuals, then the square root of the rank-one correction of each setting.
-    pull[:] = 0.0
-    steepness[:] = 0.0
     log_det = 0.0
+    for a in range(rows.settings):
+        pull[a], steepness[a], share[a] = 0.0, 0.0, 0.0
     for i in range(n):
         g = rows.gain[i]
         residual = target[i] - (gains[g] * f[i] if g >= 0 else 0.0)
@@ -196,15 +208,14 @@ def evaluate_normal(
             pull[rows.setting[i]] += slope[i] * whitened[i]
             steepness[rows.setting[i]] += slope[i] * slope[i]
     if rows.errors_in_angle:
-        done = np.zeros(rows.settings)
         for i in range(n):
             a = rows.setting[i]
             widened = rows.theta_sigma[i] ** 2 * steepness[a]
             if widened > 0:
                 whitened[i] -= (1 - 1 / math.sqrt(1 + widened)) * pull[a] / steepness[a] * slope[i]
-                if done[a] == 0:
+                if share[a] == 0:
                     log_det += math.log1p(widened)
-                    done[a] = 1
+                    share[a] = 1.0  # counted
     chi2 = 0.0
     for i in range(n):
         chi2 += whitened[i] * whitened[i]
@@ -226,10 +237,9 @@ def _heavy_tailed_terms(
     rows: Rows, vectors: FloatArray, whitened: FloatArray, spread: FloatArray, gains: FloatArray
 ) -> FloatArray:
     n = len(rows.value)
-    out = np.empty((len(vectors), 3))
+    out = np.full((len(vectors), 3), math.nan)
     f, slope, target, sigma = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     for d in range(len(vectors)):
-        out[d] = math.nan
         if design(rows, vectors[d], f, slope, target, sigma):
             found = evaluate_heavy_tailed(rows, f, target, sigma, whitened, spread, gains[d])
             out[d, 0], out[d, 1], out[d, 2] = found

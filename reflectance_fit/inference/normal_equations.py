@@ -26,7 +26,7 @@ from reflectance_fit.inference.forward import FIRST_NUISANCE, FIRST_SIGMA, K, in
 from reflectance_fit.inference.likelihood import cholesky_solve, evaluate_normal, stated_log_det
 from reflectance_fit.inference.models import Model, search_ranges
 from reflectance_fit.inference.rows import LAST_POWER, Rows
-from reflectance_fit.physics.jit import kernel, pasted
+from reflectance_fit.physics.jit import inlined, kernel, pasted
 from reflectance_fit.priors import NUISANCES, Prior
 
 FloatArray = NDArray[np.float64]
@@ -94,10 +94,11 @@ def _of_model(priors: tuple[Prior, ...], places: tuple[int, ...]) -> Problem:
     )
 
 
-@pasted
+@inlined
 def fill_vector(problem: Problem, x: FloatArray, p: FloatArray) -> None:
     """The full vector of coordinates ``x``."""
-    p[:] = problem.template
+    for j in range(len(p)):
+        p[j] = problem.template[j]
     for j in range(len(x)):
         p[problem.places[j]] = math.exp(x[j]) if problem.logarithmic[j] else x[j]
 
@@ -131,7 +132,8 @@ def objectives(rows: Rows, problem: Problem, points: FloatArray) -> FloatArray:
             values[d] = objective(rows, problem, points[d], whitened, gains)
             if turn == 2 or first == len(sums) or not math.isfinite(values[d]):
                 break
-            sums[:], counts[:] = 0.0, 0.0
+            for j in range(len(sums)):
+                sums[j], counts[j] = 0.0, 0.0
             for i in range(n):
                 if rows.estimated[i] >= 0 and not rows.censored[i]:
                     sums[first + rows.estimated[i]] += whitened[i] ** 2
@@ -163,15 +165,17 @@ def normal_equations(
     size = len(x)
     p = np.empty(len(problem.template))
     fill_vector(problem, x, p)
-    rate = np.ones(size)  # dp / dx
+    rate = np.empty(size)  # dp / dx
     for j in range(size):
+        rate[j], gradient[j] = 1.0, 0.0
+        for m in range(size):
+            curvature[j, m] = 0.0
         if problem.logarithmic[j]:
             rate[j] = p[problem.places[j]]
         if squared and j == problem.square:
             p[K] = max(p[K], _SMALL_K)
             rate[j] = 0.5 / p[K]
     turns = turns_of(p)
-    gradient[:], curvature[:] = 0.0, 0.0
     by_p, row = np.empty(FIRST_SIGMA), np.empty(size)
     normal = np.zeros((rows.gains, rows.gains))
     mixed = np.zeros((rows.gains, size))
@@ -212,7 +216,8 @@ def normal_equations(
             a = rows.setting[i]
             error[a] = rows.theta_sigma[i] ** 2
             steepness[a] += slope * slope
-            pull[a] += slope * row
+            for j in range(size):
+                pull[a, j] += slope * row[j]
             if g >= 0:
                 coupling[a, g] += slope * column
     if rows.errors_in_angle:
@@ -222,16 +227,23 @@ def normal_equations(
                 for m in range(j + 1):
                     curvature[j, m] -= share * pull[a, j] * pull[a, m]
             for g in range(rows.gains):
-                mixed[g] -= share * coupling[a, g] * pull[a]
-                normal[g] -= share * coupling[a, g] * coupling[a]
-        solved = np.empty_like(mixed)
-        for j in range(size):
-            solved[:, j] = mixed[:, j]
-            cholesky_solve(normal.copy(), solved[:, j])
-    else:
-        solved = mixed.copy()
+                for j in range(size):
+                    mixed[g, j] -= share * coupling[a, g] * pull[a, j]
+                for h in range(rows.gains):
+                    normal[g, h] -= share * coupling[a, g] * coupling[a, h]
+    solved, factor, rhs = (
+        np.empty((rows.gains, size)),
+        np.empty((rows.gains, rows.gains)),
+        np.empty(rows.gains),
+    )
+    for j in range(size if rows.gains > 0 else 0):
         for g in range(rows.gains):
-            solved[g] /= normal[g, g]
+            rhs[g] = mixed[g, j]
+            for h in range(rows.gains):
+                factor[g, h] = normal[g, h]
+        cholesky_solve(factor, rhs)
+        for g in range(rows.gains):
+            solved[g, j] = rhs[g]
     for j in range(size):
         for m in range(j + 1):
             for g in range(rows.gains):

@@ -70,7 +70,7 @@ def _frame(priors: tuple[Prior, ...], places: tuple[int, ...]) -> _Frame:
     centre = np.array([prior.centre for prior in priors])
     values = np.stack([axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")], axis=1)
     eta = places.index(ETA) if ETA in places else -1
-    grid = _points(centre, values, free)
+    grid = np.clip(_points(centre, values, free), low, high)
     return _Frame(free, eta, low, high, centre, grid, tuple(len(axis) for axis in axes))
 
 

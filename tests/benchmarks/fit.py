@@ -15,7 +15,7 @@ from inference_scenes import PRIORS, Scene, build, scene
 from numpy.typing import NDArray
 
 from reflectance_fit.inference import models, optimize, search
-from reflectance_fit.inference.normal_equations import objective, problem_of
+from reflectance_fit.inference.normal_equations import normal_equations, objective, problem_of
 
 Floats = NDArray[np.float64]
 
@@ -209,9 +209,11 @@ def _rungs(count: int) -> Table:
         def value(x: Floats, s: Scene = s, problem=problem, whitened=whitened, gains=gains) -> float:
             return objective(s.rows, problem, x, whitened, gains)
 
-        def slope(x: Floats, f: Callable[[Floats], float] = value, size: Floats = size) -> Floats:
-            steps = 1e-6 * np.diag(size)
-            return np.array([f(x + h) - f(x - h) for h in steps]) / (2e-6 * size)
+        def slope(x: Floats, s: Scene = s, problem=problem, whitened=whitened, gains=gains) -> Floats:
+            half, curvature = np.empty(len(x)), np.empty((len(x), len(x)))
+            objective(s.rows, problem, x, whitened, gains)
+            normal_equations(s.rows, problem, x, False, whitened, gains, half, curvature)
+            return 2 * half
 
         start = problem.low + size * np.random.default_rng([seed, 8]).random(len(size))
         for name in jobs:
