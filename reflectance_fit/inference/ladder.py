@@ -100,25 +100,32 @@ def _proposed(
 
 def candidates(
     model: Model, rows: Rows, basins: Sequence[Basin], generator: np.random.Generator
-) -> FloatArray:
-    """Starting points for a sampler, shape (M, P): the prior's range, and every basin that can matter.
+) -> posterior.Starts:
+    """Starting points for a sampler: over the prior's range, and in every basin that can matter.
 
     The range by Sobol points; each basin by normal points twice as wide as the
     objective is there.
     """
+    from scipy.special import logsumexp
     from scipy.stats import qmc
 
     low, high = model.ranges.T
     sobol = qmc.Sobol(len(low), rng=generator).random(_PRIOR_POINTS)
     points = [low + (high - low) * sobol]
-    for basin in basins:
-        width = 2 * search.widths(model, rows, basin)
+    widths = np.array([2 * search.widths(model, rows, basin) for basin in basins])
+    for basin, width in zip(basins, widths, strict=True):
         near = basin.x + width * generator.standard_normal((_BASIN_POINTS, len(low)))
         # Reflected at the bounds: clipping would put walkers on top of one another.
         near = np.where(near < low, 2 * low - near, near)
         near = np.where(near > high, 2 * high - near, near)
         points.append(np.clip(near, low, high))
-    return np.vstack(points)
+    x = np.vstack(points)
+    # Squared distances from each basin, shape (basin, point), in units of its widths.
+    distance = np.array([np.sum(((x - b.x) / w) ** 2, axis=1) for b, w in zip(basins, widths, strict=True)])
+    volume = np.sum(np.log(widths * np.sqrt(2 * np.pi)), axis=1)
+    normal = np.log(_BASIN_POINTS) - volume[:, None] - 0.5 * distance
+    uniform = np.full(len(x), np.log(_PRIOR_POINTS) - np.sum(np.log(high - low)))
+    return posterior.Starts(x, logsumexp(np.vstack([uniform, normal]), axis=0), np.argmin(distance, axis=0))
 
 
 def _log_density_of_scores(scores: Scores, rows: Rows) -> proposal.LogDensity:

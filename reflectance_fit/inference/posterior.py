@@ -9,6 +9,7 @@ autocorrelation time emcee's own.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import emcee
 import numpy as np
@@ -37,10 +38,18 @@ _TAU_POINTS, _TAU_WALKERS = 8, 32
 _TEMPERATURE = 10.0
 
 
+class Starts(NamedTuple):
+    """Points among which walkers start, shape (M, P), the log density they were drawn with, and the basin of each."""
+
+    points: FloatArray
+    log_proposal: FloatArray
+    basin: NDArray[np.int64]
+
+
 def sample(
     model: Model,
     rows: Rows,
-    candidates: FloatArray,
+    starts: Starts,
     seed: tuple[int, ...],
     *,
     min_ess: float = MIN_ESS,
@@ -48,8 +57,8 @@ def sample(
 ) -> Posterior:
     """Sample ``model`` until converged or MAX_STEPS.
 
-    ``candidates``, shape (M, P), are coordinates among which the first walkers
-    are chosen by their density: they should cover every basin and the prior.
+    The first walkers are chosen among ``starts`` by their density: they should
+    cover every basin and the prior.
     ``seed`` starts the stream.  ``min_ess`` is the effective
     sample size asked of every parameter.  ``progress`` is called with
     (steps done, steps at most).
@@ -58,12 +67,10 @@ def sample(
     walkers = max(WALKERS, 4 * dimensions)
 
     log_density = log_posterior(model, rows)
-    density = log_density(candidates)
+    density = log_density(starts.points)
     bits = np.random.MT19937(np.random.SeedSequence(seed))
     generator = np.random.Generator(bits)
-    first = np.concatenate(
-        [_first_walkers(candidates, density, walkers, generator) for _ in range(ENSEMBLES)]
-    )
+    first = np.concatenate([_first_walkers(starts, density, walkers, generator) for _ in range(ENSEMBLES)])
     sampler = emcee.EnsembleSampler(
         ENSEMBLES * walkers, dimensions, log_density, vectorize=True, moves=_moves()
     )
@@ -183,23 +190,32 @@ def _moves() -> list[tuple[emcee.moves.Move, float]]:
 
 
 def _first_walkers(
-    candidates: FloatArray,
+    starts: Starts,
     log_density: FloatArray,
     walkers: int,
     generator: np.random.Generator,
 ) -> FloatArray:
-    """Walkers drawn from the candidates by their tempered density, no point twice.
+    """Walkers drawn from the starting points by their tempered density, no point twice.
 
-    Tempered, so that ensembles start wider than they end; by density, so
-    that a ridge or a second mode gets its share and no walker starts where it
-    would stay stuck.
+    Tempered, so that ensembles start wider than they end; by density, so that
+    a ridge gets its share.  Between basins not tempered: each gets walkers by
+    its mass, as the points weigh it, because a walker finds the way out of a
+    minor mode only by others that are there too, and one alone never would.
     """
+    from scipy.special import logsumexp
+
     allowed = np.isfinite(log_density)
     if allowed.sum() < 2 * walkers:
         raise ValueError("too few of the starting points have a finite posterior")
+    points, proposal, basin = (column[allowed] for column in starts)
+    density = log_density[allowed]
+    log_weights = density / _TEMPERATURE
+    for each in np.unique(basin):
+        mine = basin == each
+        log_weights[mine] += logsumexp(density[mine] - proposal[mine]) - logsumexp(log_weights[mine])
     # The largest of log weight + Gumbel noise: weighted sampling without replacement.
-    keys = log_density[allowed] / _TEMPERATURE + generator.gumbel(size=allowed.sum())
-    return candidates[allowed][np.argsort(keys)[-walkers:]]
+    keys = log_weights + generator.gumbel(size=len(log_weights))
+    return np.asarray(points[np.argsort(keys)[-walkers:]])
 
 
 def _diagnose(model: Model, chains: FloatArray) -> tuple[dict[str, float], dict[str, float]]:
