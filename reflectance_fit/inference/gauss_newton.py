@@ -25,7 +25,7 @@ _STEP = 1e-3  # of the differences, in standard deviations of the coordinate alo
 # From here on steps by k and by its square come to rest together.
 _PLAIN_K = 1e-3
 # A descent that is as near to an earlier one's end, and as high above it as that one's curvature says, ends there too.
-_NEAR, _AS_FORETOLD = 1.0, 0.1
+_NEAR, _AS_FORETOLD = 9.0, 0.1
 # That far above an earlier end a minimum matters to no posterior: its last digits are left open.
 _HIGH, _LITTLE = 100.0, 1e-5
 _SAME_FLAT = 0.02  # of the ranges: where nothing changes, only what is close by is the same
