@@ -180,7 +180,8 @@ def widths(model: Model, rows: Rows, basin: optimize.Basin) -> FloatArray:
         x[:, j] += np.concatenate([steps, -steps])
         rise = deviances(rows, model.full(x)) + _penalties(model, x).sum(axis=1) - basin.objective
         near = np.where((x[:, j] >= low[j]) & (x[:, j] <= high[j]), rise, np.inf).reshape(2, -1)
-        within = np.nan_to_num(near, nan=np.inf).min(axis=0) < 1
+        # Without a break: beyond a ridge there may be another basin.
+        within = np.logical_and.accumulate(np.nan_to_num(near, nan=np.inf) < 1, axis=1).any(axis=0)
         width[j] = steps[within].max() if within.any() else steps[0]
     return width
 
