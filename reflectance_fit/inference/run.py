@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.inference import ladder, models, posterior
+from reflectance_fit.inference import ladder, models, posterior, search
 from reflectance_fit.inference.candidates import Candidates, Tried
 from reflectance_fit.inference.choice import Choice, choose
 from reflectance_fit.inference.cross_check import Checked, checked
@@ -90,6 +90,9 @@ def fit_channel(
             k_samples = draw(both, "importance", 1, posterior.LIMIT_ESS)
             if _unbounded(k_samples, priors):
                 chosen, reason, k_samples = both, f"k is neither needed nor bounded; {_ASSUME}", None
+    if chosen.noise == "normal":
+        optimum, basins = search.confirmed(chosen.model, chosen.rows, gains, chosen.optimum, chosen.basins)
+        chosen = replace(chosen, optimum=optimum, basins=basins)
     samples = draw(chosen, method, 0, posterior.MIN_ESS)
     derived = derived_draws(samples.samples["eta"], samples.samples["k"], exterior_ior)
     return Fit(

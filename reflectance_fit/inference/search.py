@@ -35,6 +35,10 @@ _RIVAL, _WEAK = 1.0, 0.1
 _SAME = 1e-3
 
 
+# nlopt's local search in one dimension and in more.
+_LOCAL = ("nlopt LN_SBPLX", "nlopt LN_BOBYQA")
+
+
 def find(model: Model, rows: Rows, gains: list[str]) -> tuple[Optimum, list[optimize.Basin]]:
     """The best point of ``model``, and every basin found, best first.
 
@@ -52,7 +56,7 @@ def find(model: Model, rows: Rows, gains: list[str]) -> tuple[Optimum, list[opti
         ran[0] += " from many starts"
     if basins and not (problem.exact and basins[0].converged):
         basins[0] = _last_word(rows, problem, basins[0])
-        ran.append("nlopt LN_BOBYQA" if len(model.names) > 1 else "nlopt LN_SBPLX")
+        ran.append(_LOCAL[len(model.names) > 1])
     if not any(basin.converged for basin in basins):
         centre = basins[0].x if basins else 0.5 * (problem.low + problem.high)
         wide = optimize.minimise(
@@ -136,15 +140,35 @@ def _scalar(rows: Rows, problem: Problem) -> optimize.Objective:
     return lambda x: objective(rows, problem, x, whitened, gains)
 
 
-def _last_word(rows: Rows, problem: Problem, basin: optimize.Basin) -> optimize.Basin:
-    """nlopt on the whole objective from where Gauss-Newton came to, in steps of a standard deviation."""
+def confirmed(
+    model: Model, rows: Rows, gains: list[str], optimum: Optimum, basins: list[optimize.Basin]
+) -> tuple[Optimum, list[optimize.Basin]]:
+    """What ``find`` found, after nlopt has looked for anything lower around it; as it is where nlopt already had."""
+    problem = problem_of(model, rows)
+    if "nlopt" in optimum.optimizer:
+        return optimum, basins
+    best = optimize.better(basins[0], _around(rows, problem, basins[0]))
+    ran = f"{optimum.optimizer}, {_LOCAL[len(model.names) > 1]}"
+    if best.objective >= basins[0].objective:
+        return replace(optimum, optimizer=ran), basins
+    _, converged, curvatures, _ = descend_all(rows, problem, best.x[None].copy())
+    best = replace(best, converged=bool(converged[0]), curvature=curvatures[0])
+    return describe(model, rows, gains, best, ran), [best, *basins[1:]]
+
+
+def _around(rows: Rows, problem: Problem, basin: optimize.Basin) -> optimize.Basin:
+    """nlopt on the whole objective from a basin's best point, in steps of a standard deviation."""
     assert basin.curvature is not None
     stiff = np.maximum(basin.curvature.diagonal(), 1e-300)
     width = problem.high - problem.low
     step = np.clip(1 / np.sqrt(stiff), 1e-9 * width, 0.1 * width)
-    found = optimize.minimise(
-        _scalar(rows, problem), basin.x, np.stack([problem.low, problem.high], axis=1), step
-    )
+    ranges = np.stack([problem.low, problem.high], axis=1)
+    return optimize.minimise(_scalar(rows, problem), basin.x, ranges, step)
+
+
+def _last_word(rows: Rows, problem: Problem, basin: optimize.Basin) -> optimize.Basin:
+    """nlopt from where Gauss-Newton came to, and scipy's least squares where they are the whole objective."""
+    found = _around(rows, problem, basin)
     best = optimize.better(basin, found)
     if problem.exact and problem.places[-1] < FIRST_SIGMA:
         # A sum of squares: least squares by other steps than ours.
