@@ -155,9 +155,7 @@ def _components(
         z[scores.scored] = np.clip(np.nan_to_num(z[scores.scored]), -_FAR, _FAR)
         if any(_same_material(scores, c, z) for c in found):
             continue
-        known = _factor(scores, basin)
-        width = laplace.first_widths(log_density, z, scores.ranges) if known is None else known
-        mass, component = laplace.at_basin(log_density, z, width, scores.ranges)
+        mass, component = _best_mode(scores, log_density, basin, z)
         # At a corner, deep in a misfit, the density falls faster than a normal law's width can tell.
         if not (math.isfinite(mass) and np.isfinite(component.inverse).all()):
             continue
@@ -165,6 +163,26 @@ def _components(
             masses.append(mass)
             found.append(component)
     return proposal.mixture(masses, found)
+
+
+def _best_mode(
+    scores: Scores, log_density: proposal.LogDensity, basin: Basin, z: FloatArray
+) -> tuple[float, proposal.Component]:
+    """The mode near ``z`` that holds most.
+
+    The best point may have nuisances at bounds, far out in their scores, along
+    a ridge that Newton's steps do not follow back; so they start from their
+    priors' middle, too.
+    """
+    known = _factor(scores, basin)
+    starts = [z]
+    if len(scores.bent) and np.any(np.abs(z[scores.scored]) > 1):
+        starts += [np.where(scores.scored, np.clip(z, -most, most), z) for most in (1.0, 0.0)]
+    found = []
+    for start in starts:
+        width = laplace.first_widths(log_density, start, scores.ranges) if known is None else known
+        found.append(laplace.at_basin(log_density, start, width, scores.ranges))
+    return max(found, key=lambda each: each[0] if math.isfinite(each[0]) else -math.inf)
 
 
 def _factor(scores: Scores, basin: Basin) -> FloatArray | None:
