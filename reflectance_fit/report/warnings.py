@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 from reflectance_fit.examination import Examination
@@ -14,6 +15,7 @@ _BEYOND_DEG = 5.0  # of extrapolation before ANGLE_RANGE is said
 _UNHEALTHY = 4.0
 _DARK_SD = 4.0
 _LEAST_CHANNELS = 3
+_WIDE = 0.002  # of the index: less is no matter of the band for anyone who names a colour channel
 _FILM_NAMES = {1.46: "an oxide", 1.77: "alumina", 1.33: "water"}
 
 
@@ -121,10 +123,11 @@ def _of_the_band(fit: Fit, seen: Examination) -> Iterator[Note]:
     if band is None:
         return
     shifts = {"eta": band.eta, "k": band.k}
+    least = _WIDE * math.hypot(fit.optimum.eta, fit.optimum.k)
     wide = [
         f"{name} {shifts[name]:+.2g} (sd {interval.sd:.2g})"
         for name in shifts
-        if (interval := fit.intervals[name]).sd and abs(shifts[name]) > interval.sd
+        if (interval := fit.intervals[name]).sd and abs(shifts[name]) > max(interval.sd, least)
     ]
     if wide:
         how = "" if band.named else ", the nearest built-in material,"

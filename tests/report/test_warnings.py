@@ -21,7 +21,7 @@ class Fit(SimpleNamespace):
                 "saturated": 0,
                 "estimated_sigma": {},
                 "wavelength_nm": 610.0,
-                "optimum": SimpleNamespace(reduced_chi2=1.0),
+                "optimum": SimpleNamespace(reduced_chi2=1.0, eta=0.24, k=2.9),
                 "posterior": SimpleNamespace(
                     converged=True, chains=None, samples=draws, flat=lambda name: draws[name]
                 ),
