@@ -18,6 +18,7 @@ from inference_calibration import calibration_figures, trial
 from inference_captures import SEED
 from inference_families import FAMILIES
 from inference_faults import DIM, FAULTS, control, fault_figures, planted, truncated
+from inference_plan import plan_figures
 from inference_quadrature import LEAST_ESS, SCENES, compared, quadrature_figures
 from inference_recovery import (
     DESIGNS,
@@ -83,6 +84,7 @@ def about(*, full: bool) -> str:
 
 def figures(*, full: bool) -> Iterator[Figure | Table]:
     yield from measured(FULL if full else QUICK)
+    yield from plan_figures()
     yield from inference_optimizer.figures(full=full)
 
 
