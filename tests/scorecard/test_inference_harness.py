@@ -27,7 +27,7 @@ import inference_verdicts as verdicts
 from card import Figure, Table
 
 from reflectance_fit.inference import models
-from reflectance_fit.inference.forward import neutral_vector, predict_vectors
+from reflectance_fit.inference.forward import FIRST_NUISANCE, neutral_vector, predict_vectors
 from reflectance_fit.inference.rows import pack
 from reflectance_fit.priors import NUISANCES, Prior
 from reflectance_fit.result import Posterior
@@ -62,7 +62,7 @@ def test_captures_are_what_the_fit_takes_them_for(eta, k, offset, analyzer, dolp
     vector = neutral_vector()
     vector[:2] = eta, k
     for name, value in nuisances.items():
-        vector[2 + NUISANCES[name].index] = value
+        vector[FIRST_NUISANCE + NUISANCES[name].index] = value
     expected = predict_vectors(
         pack(replace(o, value=found[0] + 1.0), captures.EXTERIOR), vector[None], np.ones(1)
     )
