@@ -114,16 +114,17 @@ def _run(method: Method, seen: _Watched, start: FloatArray, ranges: FloatArray, 
         inner = nlopt.opt(local, len(start))
         inner.set_ftol_abs(1e-6)
         search.set_local_optimizer(inner)
-    nlopt.srand(0)
-    search.set_lower_bounds(ranges[:, 0])
-    search.set_upper_bounds(ranges[:, 1])
-    search.set_min_objective(seen)
-    search.set_initial_step(step)
-    search.set_ftol_abs(1e-10)
-    search.set_xtol_rel(1e-10)
-    search.set_maxeval(_MAX_EVALUATIONS[method])
-    # Whatever it says in the end, the best point seen so far is kept.
-    with suppress(nlopt.RoundoffLimited, nlopt.runtime_error):
+    # Whatever it says in the end, the best point seen so far is kept.  nlopt's exceptions hold what cannot be pickled, so
+    # none may leave a worker.
+    with suppress(nlopt.RoundoffLimited, nlopt.ForcedStop, nlopt.runtime_error, nlopt.logic_error):
+        nlopt.srand(0)
+        search.set_lower_bounds(ranges[:, 0])
+        search.set_upper_bounds(ranges[:, 1])
+        search.set_min_objective(seen)
+        search.set_initial_step(step)
+        search.set_ftol_abs(1e-10)
+        search.set_xtol_rel(1e-10)
+        search.set_maxeval(_MAX_EVALUATIONS[method])
         search.optimize(start.copy())
 
 
