@@ -18,7 +18,6 @@ eta, k and estimated sigmas stay in the model's coordinates.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +26,6 @@ from reflectance_fit.inference.models import Model
 from reflectance_fit.priors import NUISANCES, Prior
 
 FloatArray = NDArray[np.float64]
-Map = Callable[[FloatArray], FloatArray]
 
 _CERTAIN = 8.0  # sigma to a bound beyond which a normal prior does not feel it
 
