@@ -56,7 +56,9 @@ def read_image_header(path: Path) -> ImageHeader:
             elif head[:4] in _TIFF:
                 header = _tiff(file, size)
             else:
-                raise Malformed("is no PNG or TIFF, as camera.encoding says; use the camera's 16-bit pictures")
+                raise Malformed(
+                    "is no PNG or TIFF, as camera.encoding says; use the camera's 16-bit pictures"
+                )
         if header.height * header.width > MAX_PIXELS:
             raise Malformed(f"has {header.width} x {header.height} pixels; {MAX_PIXELS} are the most")
     except OSError as error:
@@ -80,7 +82,9 @@ def _png(file: BinaryIO, size: int) -> ImageHeader:
         if file.tell() + length + 4 > size:
             raise Malformed(f"is cut off at {size} bytes; {_COPY}")
         if kind in (b"acTL", b"tRNS"):
-            raise Malformed(f"is {'animated' if kind == b'acTL' else 'partly transparent'}; save a plain picture")
+            raise Malformed(
+                f"is {'animated' if kind == b'acTL' else 'partly transparent'}; save a plain picture"
+            )
         checksum, left, data = zlib.crc32(kind), length, b""
         while left:
             data = file.read(min(left, _CHUNK))

@@ -168,9 +168,7 @@ TAGS = 300  # bytes before the samples, about
 
 
 @settings(max_examples=300, deadline=None)
-@given(
-    changes=st.lists(st.tuples(st.integers(0, TAGS), st.integers(0, 255)), min_size=1, max_size=5)
-)
+@given(changes=st.lists(st.tuples(st.integers(0, TAGS), st.integers(0, 255)), min_size=1, max_size=5))
 def test_damaged_tags_of_a_tiff(tmp_path_factory, changes):
     path = tmp_path_factory.getbasetemp() / "a.tif"
     tifffile.imwrite(path, SAMPLES)
