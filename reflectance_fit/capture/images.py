@@ -50,8 +50,8 @@ def decode_samples(path: Path, encoding: str) -> tuple[NDArray[np.uint16], float
         message = f"OpenCV cannot decode it{reason}; copy it from the camera again"
         raise ReflectanceFitError(Problem(str(path), None, message))
     if encoding == "srgb":
-        return _srgb_table(header.bits)[samples], 65535.0
-    return samples.astype(np.uint16, copy=False), float(2**header.bits - 1)
+        return np.take(_srgb_table(header.bits), samples), 65535.0
+    return np.asarray(samples, dtype=np.uint16), float(2**header.bits - 1)
 
 
 def _srgb_table(bits: int) -> NDArray[np.uint16]:
