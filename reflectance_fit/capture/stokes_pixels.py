@@ -109,9 +109,8 @@ def fit_stokes(
     weight = 1.0 / variances
     normal = np.tensordot(weight, a[:, :, None] * a[:, None, :], axes=(0, 0))
     # Not solvable where a signal is missing: those are told apart by the result, which is NaN anyway.
-    lost = ~np.isfinite(normal).all(axis=(-2, -1))
-    covariance = np.linalg.inv(np.where(lost[..., None, None], np.eye(3), normal))
-    covariance = np.where(lost[..., None, None], np.nan, covariance)
+    lost = ~np.isfinite(normal).all(axis=(-2, -1), keepdims=True)
+    covariance = np.where(lost, np.nan, np.linalg.inv(np.where(lost, np.eye(3), normal)))
     stokes = np.einsum("...ij,...j->...i", covariance, np.tensordot(weight * values, a, axes=(0, 0)))
     rest = values - np.tensordot(a, stokes, axes=(1, -1))
     return StokesFit(stokes, covariance, np.asarray(np.sum(weight * rest**2, axis=0)), len(axes) - 3)
