@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from reflectance_fit.capture.polarizer import PolarizerFit, combine, fit_polarizer
 from reflectance_fit.physics.mueller import polarizer
-from reflectance_fit.physics.stokes import linear
 
 SERIES = np.radians(np.arange(0.0, 180.0, 15.0))
 
