@@ -124,8 +124,8 @@ def calibrate_views(views: Sequence[Corners], board: Board, focal_px: float | No
     for _ in range(_ROUNDS):
         used = [i for i, inliers in enumerate(kept) if inliers is not None]
         fit = _Bundle([views[i] for i in used], [kept[i] for i in used], places, centre, prior, noise)
-        first = np.concatenate([shared, *(poses[i] for i in used)])  # type: ignore[arg-type]
-        found = least_squares(fit.residuals, first, jac=fit.jacobian, x_scale="jac", method="trf")
+        first = np.concatenate([shared, *(poses[i] for i in used)])
+        found = least_squares(fit.residuals, first, jac=fit.jacobian, x_scale="jac", method="lm")
         shared = found.x[:_SHARED]
         for slot, i in enumerate(used):
             poses[i] = _pose(found.x, slot)
@@ -144,7 +144,7 @@ def calibrate_views(views: Sequence[Corners], board: Board, focal_px: float | No
         if settled or not any(inliers is not None for inliers in kept):
             break
     jacobian = fit.jacobian(found.x)
-    covariance = np.linalg.inv(jacobian.T @ jacobian)
+    covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=np.float64)
     slots: list[int | None] = [None] * len(views)
     normals = np.full((len(views), 3), np.nan)
     for slot, i in enumerate(used):
@@ -290,7 +290,8 @@ class _Bundle:
         matrix = np.array([[focal, 0.0, cx], [0.0, focal, cy], [0.0, 0.0, 1.0]])
         seen, slopes = cv2.projectPoints(points, pose[:3], pose[3:], matrix, np.array([k1, k2, 0.0, 0.0]))
         # Columns of OpenCV: rotation, translation, fx, fy, cx, cy, k1, k2, ...
-        slopes = np.asarray(slopes).reshape(len(ids), 2, -1)
+        slopes = np.asarray(slopes, dtype=np.float64).reshape(len(ids), 2, -1)
         by_points = slopes[:, :, 3:6] @ _rotation(pose) @ moves
         lens = np.concatenate([slopes[:, :, 6:8].sum(2, keepdims=True), slopes[:, :, 8:12]], axis=2)
-        return np.asarray(seen).reshape(-1, 2), np.concatenate([lens, by_points], axis=2), slopes[:, :, :6]
+        by_shared = np.concatenate([lens, by_points], axis=2)
+        return np.asarray(seen, dtype=np.float64).reshape(-1, 2), by_shared, slopes[:, :, :6]

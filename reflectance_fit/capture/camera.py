@@ -66,11 +66,46 @@ def incidence(rays: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatA
     """
     s = np.cross(normals, rays)
     cosine = -np.sum(normals * rays, axis=-1)
-    theta = np.arctan2(np.linalg.norm(s, axis=-1), cosine)
-    # The shortest turn that brings the ray to the z axis, of a vector across the ray.
+    return np.arctan2(np.linalg.norm(s, axis=-1), cosine), _in_picture(s, rays)
+
+
+def ball_incidence(
+    rays: FloatArray, axis: FloatArray, half_angle: float
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+    """``incidence`` on a ball that fills a cone of rays.
+
+    Parameters
+    ----------
+    rays : float, shape S + (3,)
+        Unit vectors from the camera.
+    axis : float, shape (3,)
+        Unit vector to the centre of the ball.
+    half_angle : float in (0, pi / 2)
+        Between it and the rays that touch the ball, radians.
+
+    Returns
+    -------
+    theta, s_direction, inside : shape S
+        theta is NaN where ``inside`` is false, beside the ball.
+
+    Notes
+    -----
+    The law of sines in the triangle of camera, centre and point: the sine of
+    the incidence is to that of the angle from the axis as the centre's
+    distance is to the radius, and the sine of half_angle is the radius over that distance.
+    """
+    s = np.cross(axis, rays)
+    sine = np.linalg.norm(s, axis=-1) / math.sin(half_angle)
+    inside = (sine < 1.0) & (rays @ axis > 0)
+    # A normal leans away from the axis as its ray does, and further.
+    return np.arcsin(np.where(inside, sine, np.nan)), _in_picture(s, rays), inside
+
+
+def _in_picture(s: FloatArray, rays: FloatArray) -> FloatArray:
+    """Direction of a vector across its ray, after the shortest turn that brings the ray to the z axis."""
     share = s[..., 2] / (1.0 + rays[..., 2])
     across, down = s[..., 0] - share * rays[..., 0], s[..., 1] - share * rays[..., 1]
-    return theta, np.arctan2(-down, across)
+    return np.asarray(np.arctan2(-down, across))
 
 
 def tilted_normals(ray: FloatArray, theta: float, s_direction: float) -> tuple[FloatArray, FloatArray]:
