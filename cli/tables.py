@@ -98,10 +98,10 @@ def print_frames(ingested: Ingested, out: Path) -> None:
             status = "unused: serves no frame"
         pixels, clipped, signals = "-", "-", ["-"] * len(capture.channels)
         if sample is not None:
-            channels = sample.channels
-            pixels = str(sum(int(c.pixels.sum()) for c in channels.values()))
+            pixels = str(sum(int(s.pixels.sum()) for s in sample.signals.values()))
             clipped = f"{100 * sample.saturated_share:.1f}"
-            signals = [f"{channels[n].mean:.4g}" if n in channels else "-" for n in capture.channels]
+            means = [[s.mean for _, s in sample.of(name)] for name in capture.channels]
+            signals = [f"{sum(m) / len(m):.4g}" if m else "-" for m in means]
             if sample.saturated_share == 1.0:
                 status = "saturated"
         table.add_row(

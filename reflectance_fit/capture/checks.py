@@ -32,8 +32,6 @@ def _unsupported(m: Manifest) -> Iterator[Finding]:
     """The one list of refusals: (place, subject and verb)."""
     if m.camera.sensor in ("dofp", "dofp_bayer"):
         yield ("camera", "sensor"), f"{m.camera.sensor}: sensors with polarizers on the pixels are"
-    if m.camera.sensor == "mono" and len(m.camera.channels) > 1:
-        yield ("camera", "channels"), "several channels of a mono sensor are"
     if m.camera.encoding is not None:
         yield ("camera", "encoding"), "images that are not RAW are"
     if m.geometry.kind == "charuco":
@@ -118,7 +116,7 @@ def _frame(m: Manifest, i: int, frame: FrameEntry) -> Iterator[Finding]:
     yield from _region((*here, "region"), frame.region)
     if frame.channel is not None:
         yield from _is_channel(m, (*here, "channel"), frame.channel)
-    elif m.camera.sensor == "mono" and len(m.camera.channels) > 1:
+    elif m.camera.sensor in ("mono", "dofp") and len(m.camera.channels) > 1 and frame.role != "dark":
         yield here, "channel is missing; say which one the frame belongs to"
     if m.camera.encoding is None and PurePath(frame.file).suffix.lower() in NOT_RAW:
         message = "8-bit and gamma-encoded images are refused unless camera.encoding says how to undo that"
@@ -134,7 +132,12 @@ def _frame(m: Manifest, i: int, frame: FrameEntry) -> Iterator[Finding]:
         yield here, "theta_deg is missing; add the angle of incidence in degrees"
     if frame.analyzer_deg is None and m.camera.sensor in ("bayer", "mono"):
         yield here, "analyzer_deg is missing; add the direction of the polarizer in degrees"
-    if frame.retarder_deg is not None:
+    if frame.retarder_deg is not None and kind != "stated":
+        yield (
+            (*here, "retarder_deg"),
+            "belongs to geometry kind: stated: s must have one direction; remove it",
+        )
+    elif frame.retarder_deg is not None:
         stated = m.retarder.retardance_deg if m.retarder else {}
         channels = m.camera.channels if frame.channel is None else (frame.channel,)
         if isinstance(stated, dict) and (absent := [c for c in channels if c not in stated]):

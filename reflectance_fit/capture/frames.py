@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from reflectance_fit.capture.manifest import Role
+from reflectance_fit.capture.reading import Reading
 from reflectance_fit.priors import Prior
 from reflectance_fit.strict_yaml import Document
 
@@ -111,7 +112,7 @@ class Capture:
     sample_name: str
     sample_note: str | None
     exterior_ior: float
-    sensor: str
+    reading: Reading
     channels: dict[str, Channel]
     noise: dict[str, Noise] | None
     focal_length_px: float | None
@@ -152,8 +153,12 @@ def darks_for(
 
 
 def flats_for(frame: Frame, frames: Iterable[Frame]) -> tuple[Frame, ...]:
-    """The flats of the frame's set: those that name its analyzer angle, else those that name none."""
-    flats = [flat for flat in frames if flat.role == "flat" and flat.set == frame.set]
+    """The flats of the frame's set and channel: those that name its analyzer angle, else those that name none."""
+    flats = [
+        flat
+        for flat in frames
+        if flat.role == "flat" and flat.set == frame.set and set(flat.channels) & set(frame.channels)
+    ]
     named = tuple(flat for flat in flats if _same_axis(flat.analyzer_deg, frame.analyzer_deg))
     return named or tuple(flat for flat in flats if math.isnan(flat.analyzer_deg))
 

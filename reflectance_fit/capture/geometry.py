@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from reflectance_fit.capture.bins import Bins, Region, SphereBins
 from reflectance_fit.capture.frames import Capture, Frame, Sphere
-from reflectance_fit.capture.reduce import Bins, Region, SphereBins
 
 # The model averages over a ring to the third moment of its angles; what is left is the
 # fourth derivative times (2 deg)^4 / 4000, below 1e-6.  Beyond 76 degrees a pixel spans
@@ -24,7 +24,7 @@ def bins_of(capture: Capture, frame: Frame) -> Bins:
     return SphereBins(
         *geometry.center_px,
         radius=geometry.radius_px,
-        analyzer=math.radians(frame.analyzer_deg),
+        analyzer=None if math.isnan(frame.analyzer_deg) else math.radians(frame.analyzer_deg),
         edges=tuple(float(np.radians(edge)) for edge in RING_EDGES_DEG),
         sectors=SECTORS,
     )

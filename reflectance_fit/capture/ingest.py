@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from reflectance_fit.capture.frames import Capture, Exposure, Frame, Sphere, darks_for, flats_for
+from reflectance_fit.capture.bins import Bins
+from reflectance_fit.capture.calibrate import Calibrated, calibrate
+from reflectance_fit.capture.frames import Capture, Exposure, Frame, Sphere, Stated, darks_for, flats_for
 from reflectance_fit.capture.geometry import bins_of
-from reflectance_fit.capture.observe import Calibrated, calibrate, flat_rows, sphere_rows
-from reflectance_fit.capture.reduce import Bins, FrameMeans, reduce_frame
+from reflectance_fit.capture.observe import angle_rows, flat_rows
+from reflectance_fit.capture.reduce import Changed, FrameMeans, reduce_file
 from reflectance_fit.capture.settings import check_hashes, read_settings
-from reflectance_fit.capture.workers import FrameError, RawWorkers
+from reflectance_fit.capture.workers import FrameError, Job, RawWorkers
 from reflectance_fit.errors import Problem, ReflectanceFitError
+from reflectance_fit.inputs import sha256_of
 from reflectance_fit.measured import Measurement, Note
 from reflectance_fit.nuisances import nuisance_sigmas
 
@@ -46,10 +49,11 @@ def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
     ISO, files that are no raw photographs, and captures of which nothing is
     left.  A file that kills its decoder costs that frame and a warning.
     """
-    hashes = check_hashes(capture)
     settings = read_settings(capture)
     jobs = _jobs(capture, settings)
-    means, errors = _decode(jobs, frozenset(flat.path for flat in capture.role("flat")), progress)
+    means, errors, hashes = _decode(capture, jobs, progress)
+    hashes |= {frame.path: sha256_of(frame.path) for frame in capture.frames if frame.path not in hashes}
+    check_hashes(capture, hashes)
     rejected = {frame.file: errors[frame.path] for frame in capture.frames if frame.path in errors}
     _check_planes(capture, means)
     _check_sizes(capture, settings, means)
@@ -66,7 +70,7 @@ def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
     if not samples:
         problems = [Problem(str(capture.path), None, f"{file} {reason}") for file, reason in rejected.items()]
         raise ReflectanceFitError(problems)
-    observations = (sphere_rows if isinstance(capture.geometry, Sphere) else flat_rows)(capture, samples)
+    observations = (flat_rows if isinstance(capture.geometry, Stated) else angle_rows)(capture, samples)
     stated = capture.nuisances
     notes = [Note("ROWS_IGNORED", f"{file} {reason}") for file, reason in rejected.items()]
     if any(frame.sha256 is None for frame in capture.frames):
@@ -100,21 +104,32 @@ def _jobs(capture: Capture, settings: Mapping[Path, Exposure]) -> dict[Path, tup
 
 
 def _decode(
-    jobs: Mapping[Path, tuple[Bins, ...]], flats: frozenset[Path], progress: Progress | None
-) -> tuple[dict[Path, FrameMeans], dict[Path, str]]:
-    """Each file's means, and why the others have none."""
+    capture: Capture, jobs: Mapping[Path, tuple[Bins, ...]], progress: Progress | None
+) -> tuple[dict[Path, FrameMeans], dict[Path, str], dict[Path, str]]:
+    """Each file's means, why the others have none, and the sha256 of those that a worker read."""
     means: dict[Path, FrameMeans] = {}
     errors: dict[Path, str] = {}
+    hashes: dict[Path, str] = {}
+    frames = {frame.path: frame for frame in capture.frames}
+
+    def work() -> Iterator[Job[FrameMeans | Changed]]:
+        for path, bins in jobs.items():
+            frame = frames[path]
+            yield path, reduce_file, (capture.reading, frame.sha256, bins, frame.role == "flat")
+
     with RawWorkers() as workers:
-        answers = workers.map((path, reduce_frame, (bins, path in flats)) for path, bins in jobs.items())
-        for done, (path, answer) in enumerate(zip(jobs, answers, strict=True), 1):
-            if isinstance(answer, FrameError):
-                errors[path] = answer.reason
-            else:
-                means[path] = answer
+        for done, (path, answer) in enumerate(zip(jobs, workers.map(work()), strict=True), 1):
+            match answer:
+                case FrameError():
+                    errors[path] = answer.reason
+                case Changed():
+                    hashes[path] = answer.sha256
+                case _:
+                    hashes[path] = answer.sha256
+                    means[path] = answer
             if progress:
                 progress("reading frames", done, len(jobs))
-    return means, errors
+    return means, errors, hashes
 
 
 def _calibrated(
@@ -135,14 +150,15 @@ def _calibrated(
 
 def _check_planes(capture: Capture, means: Mapping[Path, FrameMeans]) -> None:
     """A colour sensor stated mono, or the other way round, is the manifest's fault: say it once."""
-    wanted = {"mono"} if capture.sensor == "mono" else set(capture.channels)
+    sensor = capture.reading.sensor
     for frame in capture.frames:
-        if frame.path in means and not wanted <= set(means[frame.path].planes[0]):
-            has = ", ".join(sorted(means[frame.path].planes[0]))
-            message = (
-                f"{frame.file} has the planes {has}, but camera.sensor says {capture.sensor}; correct it"
-            )
-            raise ReflectanceFitError(Problem(str(capture.path), frame.line, message))
+        if frame.path in means:
+            planes = list(means[frame.path].planes[0])
+            has = sorted({plane.channel for plane in planes})
+            found = ("mono" in has, planes[0].axis_deg is not None)
+            if found != (sensor in ("mono", "dofp"), sensor in ("dofp", "dofp_bayer")):
+                message = f"{frame.file} has the planes {', '.join(has)}, but camera.sensor says {sensor}; correct it"
+                raise ReflectanceFitError(Problem(str(capture.path), frame.line, message))
 
 
 def _check_sizes(

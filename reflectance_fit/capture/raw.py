@@ -6,11 +6,13 @@ through ``workers``, never in the process of the command.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import rawpy
@@ -25,6 +27,16 @@ _OLDEST_LIBRAW = (0, 22, 2)
 CLIP_SHARE = 0.98
 
 
+class Plane(NamedTuple):
+    """What a pixel sees: its channel ("mono" without colour filters), and the axis of the polarizer on it.
+
+    ``axis_deg`` is counter-clockwise from the picture's horizontal, None without one.
+    """
+
+    channel: str
+    axis_deg: float | None = None
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class RawFrame:
     """One frame of a sensor: the visible area, row 0 on top as the sensor has it (no EXIF rotation).
@@ -33,13 +45,15 @@ class RawFrame:
     ----------
     cfa : uint16, shape (h, w)
         Raw values in DN, black not subtracted.
-    pattern : str, shape (2, 2)
-        Plane of each pixel of the top left cell: "R", "G", "B" (both greens
-        "G"), or "mono" throughout.
-    black : float, shape (2, 2)
-        Black level of the same cell, DN.
-    white : float
-        Nominal saturation, DN; a sensor may clip below.
+    channels : str, shape (n, n)
+        Channel of each pixel of the top left cell: "R", "G", "B" (both greens
+        "G"), or "mono" throughout.  n is 2, or 4 where groups of 2 x 2 pixels
+        with a polarizer each share a colour.
+    axes_deg : float, shape (n, n)
+        Transmission axis of the polarizer on each pixel of the cell; NaN: none.
+    black, white : float, shape (n, n)
+        Black level and nominal saturation of the same cell, DN; a sensor may
+        clip below the latter.
     exposure_s : Fraction or None
         Seconds, where the file says so.
     iso : float or None
@@ -48,17 +62,33 @@ class RawFrame:
     """
 
     cfa: NDArray[np.uint16]
-    pattern: NDArray[np.str_]
+    channels: NDArray[np.str_]
+    axes_deg: NDArray[np.float64]
     black: NDArray[np.float64]
-    white: float
+    white: NDArray[np.float64]
     exposure_s: Fraction | None
     iso: float | None
     noise_profile: dict[str, tuple[float, float]] | None
 
     @property
     def clip(self) -> NDArray[np.float64]:
-        """DN from which a pixel counts as clipped, of each pixel of the cell, shape (2, 2)."""
+        """DN from which a pixel counts as clipped, of each pixel of the cell, shape (n, n)."""
         return self.black + CLIP_SHARE * (self.white - self.black)
+
+    def plane(self, row: int, column: int) -> Plane:
+        """What the pixels at this position of the cell see."""
+        axis = float(self.axes_deg[row, column])
+        return Plane(str(self.channels[row, column]), None if math.isnan(axis) else axis)
+
+    def planes(self) -> tuple[Plane, ...]:
+        """What there is to see, in the order of the cell."""
+        n = len(self.channels)
+        return tuple(dict.fromkeys(self.plane(y, x) for y in range(n) for x in range(n)))
+
+    def sites(self, plane: Plane) -> list[tuple[int, int]]:
+        """The positions (row, column) of the cell that see ``plane``."""
+        n = len(self.channels)
+        return [(y, x) for y in range(n) for x in range(n) if self.plane(y, x) == plane]
 
 
 def decode(path: Path) -> RawFrame:
@@ -85,10 +115,9 @@ def decode(path: Path) -> RawFrame:
         raise _refused(
             path, f"every pixel is {frame.cfa.max()}: there is no picture; copy it from the camera again"
         )
-    if not frame.black.max() < frame.white:
-        raise _refused(
-            path, f"its black level {frame.black.max():g} is not below its white level {frame.white:g}"
-        )
+    if not (frame.black < frame.white).all():
+        levels = f"its black level {frame.black.max():g} is not below its white level {frame.white.min():g}"
+        raise _refused(path, levels)
     return frame
 
 
@@ -105,9 +134,10 @@ def _frame(raw: rawpy.RawPy, tags: RawTags, path: Path) -> RawFrame:
     return RawFrame(
         # The view is LibRaw's memory, freed on closing.
         cfa=raw.raw_image_visible.copy(),
-        pattern=names,
+        channels=names,
+        axes_deg=np.full((2, 2), np.nan),
         black=np.array(raw.black_level_per_channel, dtype=float)[planes] if black is None else black,
-        white=float(raw.white_level if white is None else white),
+        white=np.full((2, 2), float(raw.white_level if white is None else white)),
         exposure_s=exposure_s,
         iso=iso,
         noise_profile=_noise(image.noise_profile if image else None, names),

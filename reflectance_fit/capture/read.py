@@ -8,6 +8,7 @@ from pathlib import Path
 from reflectance_fit.capture.checks import check_supported, contradictions
 from reflectance_fit.capture.frames import Capture, Channel, Exposure, Frame, Noise, Sphere, Stated
 from reflectance_fit.capture.manifest import Ball, FrameEntry, Manifest, read_manifest
+from reflectance_fit.capture.reading import Reading
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.inputs import existing, sha256_of
 from reflectance_fit.strict_yaml import Document
@@ -39,7 +40,7 @@ def read_capture(path: str | Path) -> Capture:
         sample_name=manifest.sample.name,
         sample_note=manifest.sample.note or None,
         exterior_ior=manifest.exterior_ior,
-        sensor=camera.sensor,
+        reading=Reading(camera.sensor, camera.dofp_layout_deg),
         channels={name: Channel(band.wavelength_nm, band.fwhm_nm) for name, band in camera.channels.items()},
         noise=noise,
         focal_length_px=camera.focal_length_px,

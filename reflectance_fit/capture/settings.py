@@ -1,7 +1,8 @@
-"""What must be right before a photograph is decoded: hashes, structure, exposure and ISO."""
+"""What must be right before a photograph is decoded: structure, exposure and ISO."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from reflectance_fit.capture.frames import Capture, Exposure, Frame
@@ -10,9 +11,8 @@ from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.inputs import sha256_of
 
 
-def check_hashes(capture: Capture) -> dict[Path, str]:
-    """sha256 of every file; raises for those that are not what the manifest says."""
-    found = {frame.path: sha256_of(frame.path) for frame in capture.frames}
+def check_hashes(capture: Capture, found: Mapping[Path, str]) -> None:
+    """Raise for the files among ``found`` (path to sha256) that are not what the manifest says."""
     problems = [
         _at(
             capture,
@@ -21,11 +21,10 @@ def check_hashes(capture: Capture) -> dict[Path, str]:
             "restore the file, or state its new hash",
         )
         for frame in capture.frames
-        if frame.sha256 is not None and frame.sha256.lower() != found[frame.path]
+        if frame.sha256 is not None and frame.path in found and frame.sha256 != found[frame.path]
     ]
     if problems:
         raise ReflectanceFitError(problems)
-    return found
 
 
 def read_settings(capture: Capture) -> dict[Path, Exposure]:
@@ -41,6 +40,8 @@ def read_settings(capture: Capture) -> dict[Path, Exposure]:
             tags = read_tags(frame.path)
             check_structure(tags, frame.file)
         except ReflectanceFitError as error:
+            if frame.path.is_file():
+                check_hashes(capture, {frame.path: sha256_of(frame.path)})
             problems += [_at(capture, frame, p.message) for p in error.problems]
             continue
         seconds = None if tags.exposure_s is None else float(tags.exposure_s)

@@ -52,7 +52,7 @@ def frames(folder: Path, *entries: str, head: str = HEAD + STATED) -> tuple[Fram
 def test_defaults(tmp_path):
     text = HEAD + STATED + "frames:\n  - {file: a.dng, theta_deg: 45, analyzer_deg: 30}\n"
     c = capture(tmp_path, text)
-    assert (c.path, c.sample_name, c.exterior_ior, c.sensor) == (
+    assert (c.path, c.sample_name, c.exterior_ior, c.reading.sensor) == (
         tmp_path / "capture.yaml",
         "BK7 flat",
         1.000277,

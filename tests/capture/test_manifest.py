@@ -206,6 +206,27 @@ def test_there_must_be_a_sample(tmp_path):
     assert problem(tmp_path, HEAD) == "1: 'frames' is missing; add it"
 
 
+def test_every_lit_frame_of_a_sensor_without_colour_filters_names_its_channel(tmp_path):
+    text = HEAD.replace("bayer", "mono") + FRAMES
+    assert problem(tmp_path, text) == "6: frames.0: channel is missing; say which one the frame belongs to"
+    (tmp_path / "b.dng").touch()
+    (tmp_path / "capture.yaml").write_text(
+        text.replace("a.dng,", "a.dng, channel: G,") + "  - {file: b.dng, role: dark}\n"
+    )
+    capture = read_capture(tmp_path / "capture.yaml")
+    assert [frame.channels for frame in capture.frames] == [("G",), tuple(capture.channels)]
+
+
+def test_a_retarder_has_no_angle_from_an_s_that_turns(tmp_path):
+    text = (
+        (HEAD + FRAMES)
+        .replace("stated, s_axis_deg: 0", "sphere, sphere: {center_px: [50, 50], radius_px: 20}")
+        .replace("theta_deg: 45, ", "")
+        .replace("analyzer_deg: 0", "analyzer_deg: 0, retarder_deg: 20")
+    )
+    assert "retarder_deg: belongs to geometry kind: stated" in problem(tmp_path, text)
+
+
 @pytest.mark.parametrize("again", ["a.dng", "./a.dng", "link.dng"])
 def test_a_file_twice(tmp_path, again):
     (tmp_path / "link.dng").symlink_to("a.dng")
@@ -228,10 +249,6 @@ def test_images_that_are_not_raw(tmp_path, name):
         (
             MONO.replace("mono", "dofp, dofp_layout_deg: [[90, 45], [135, 0]]") + FRAMES,
             "3: camera.sensor: dofp: sensors with polarizers on the pixels are not supported yet",
-        ),
-        (
-            HEAD.replace("bayer", "mono") + FRAMES,
-            "3: camera.channels: several channels of a mono sensor are not supported yet",
         ),
         (
             HEAD.replace("bayer", "bayer, encoding: linear") + FRAMES.replace("dng", "png"),

@@ -17,9 +17,9 @@ def test_a_canon_decodes(data):
     path = data / "raw/canon_kissx4_colorchart.dng"
     frame = decode(path)
     assert frame.cfa.shape == (1156, 1734)
-    assert frame.pattern.tolist() == [["R", "G"], ["G", "B"]]
+    assert frame.channels.tolist() == [["R", "G"], ["G", "B"]]
     assert frame.black.tolist() == [[2056, 2056], [2056, 2056]]
-    assert frame.white == 15000
+    assert frame.white.tolist() == [[15000] * 2] * 2
     # The file says 0/1000000 s, which LibRaw gives as 1 s.
     assert (frame.exposure_s, frame.iso, frame.noise_profile) == (None, None, None)
     with rawpy.imread(str(path)) as raw:

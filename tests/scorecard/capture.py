@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from scipy.stats import binom
 
 from reflectance_fit.capture import ingest as ingestion
-from reflectance_fit.capture.raw import decode
 from reflectance_fit.capture.read import read_capture
 from reflectance_fit.capture.workers import Job
 from reflectance_fit.data_synthetic.capture import write_capture
@@ -118,8 +117,8 @@ class _Here(contextlib.AbstractContextManager["_Here"]):
         pass
 
     def map(self, jobs: Iterable[Job[T]]) -> Iterator[T]:
-        for path, reduce, arguments in jobs:
-            yield reduce(decode(path), *arguments)
+        for path, function, arguments in jobs:
+            yield function(path, *arguments)
 
 
 def _round_trips() -> Iterator[Figure]:
