@@ -38,6 +38,7 @@ class Signals:
     per_dn: FloatArray
     pixels: NDArray[np.int64]
     saturated: NDArray[np.bool_]
+    rejected: NDArray[np.bool_]
     theta: FloatArray
     theta_squared: FloatArray
     cos_2phi: FloatArray
@@ -112,6 +113,7 @@ def calibrate(
             per_dn=per_dn,
             pixels=own.pixels,
             saturated=own.saturated > SATURATED_SHARE * own.pixels,
+            rejected=np.zeros(len(value), dtype=np.bool_),
             theta=np.mean([a.theta for a in angles], axis=0),
             theta_squared=np.mean([a.theta_squared for a in angles], axis=0),
             cos_2phi=np.mean([a.cos_2phi for a in angles], axis=0),

@@ -76,12 +76,22 @@ class Camera(Block):
         ]
         | None
     ) = Field(default=None, description="dofp: transmission axes of the 2 x 2 pixels, rows from the top")
+    dofp_colours: Literal["RGGB", "BGGR", "GRBG", "GBRG"] | None = Field(
+        default=None, description="dofp_bayer: colours of the 2 x 2 groups, row by row; default: RGGB"
+    )
     channels: Annotated[dict[Text, Band], Field(min_length=1)] = Field(
         description="Name to wavelength; bayer: some of R, G, B; mono: one of any name"
     )
     noise: Noise | None = Field(default=None, description="Default: the DNG's NoiseProfile, else from flats")
     focal_length_px: Positive | None = Field(
         default=None, description="Focal length in pixels: models the spread of theta over the region"
+    )
+    offset_map: Text | None = Field(
+        default=None, description="TIFF file: DN of each pixel without light, in place of the black level"
+    )
+    gain_map: Text | None = Field(
+        default=None,
+        description="TIFF file: factor of each pixel's counts; only ratios between pixels matter",
     )
     encoding: Literal["linear", "srgb"] | None = Field(
         default=None, description="How to undo the encoding of images that are not RAW"
@@ -177,6 +187,9 @@ class FrameEntry(Block):
     region: Region | None = Field(default=None, description="[x0, y0, x1, y1] of this frame")
     s_axis_deg: Number | None = Field(default=None, description="Of this frame")
     gain_group: Text | None = Field(default=None, description="Frames of one group share one unknown gain")
+    material: Text | None = Field(
+        default=None, description="reference: what is seen, a built-in material or 'white'"
+    )
     set: Label = Field(default="0", description="Frames taken in one go")
     channel: Label | None = Field(default=None, description="Use the frame for this channel alone")
 

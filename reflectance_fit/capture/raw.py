@@ -18,6 +18,7 @@ import numpy as np
 import rawpy
 from numpy.typing import NDArray
 
+from reflectance_fit.capture.pixel_maps import PixelMaps
 from reflectance_fit.capture.tiff import RawTags, check_structure, read_tags
 from reflectance_fit.errors import Problem, ReflectanceFitError
 
@@ -59,6 +60,10 @@ class RawFrame:
     iso : float or None
     noise_profile : dict of plane to (S, O), or None
         DNG's model: variance S x + O, normalised to black 0 and white 1.
+    maps : PixelMaps or None
+        Offset and gain of every pixel, where the camera has been measured.
+    unused_bits : int
+        How many low bits the file left empty; ``cfa`` is without them.
     """
 
     cfa: NDArray[np.uint16]
@@ -69,6 +74,8 @@ class RawFrame:
     exposure_s: Fraction | None
     iso: float | None
     noise_profile: dict[str, tuple[float, float]] | None
+    maps: PixelMaps | None = None
+    unused_bits: int = 0
 
     @property
     def clip(self) -> NDArray[np.float64]:
