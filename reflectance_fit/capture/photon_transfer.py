@@ -65,6 +65,12 @@ class PhotonTransfer:
     prnu: float
     reduced_chi2: float
 
+    def __str__(self) -> str:
+        return (
+            f"gain {self.gain_e_per_dn:.4g} electrons a DN, read noise {self.read_noise_e:.3g} electrons,"
+            f" PRNU {100 * self.prnu:.2g} %"
+        )
+
     @property
     def gain_e_per_dn(self) -> float:
         return 1.0 / self.slope

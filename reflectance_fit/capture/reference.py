@@ -16,6 +16,7 @@ from reflectance_fit.angles import cos_sin_deg
 from reflectance_fit.capture.calibrate import Calibrated, Signals
 from reflectance_fit.capture.frames import WHITE, Capture, Frame, same_axis
 from reflectance_fit.capture.raw import Plane
+from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.materials import library
 from reflectance_fit.physics.fresnel import amplitudes
 from reflectance_fit.physics.mueller import reflection, retarder
@@ -41,9 +42,21 @@ def references_for(frame: Frame, frames: Iterable[Frame]) -> tuple[Frame, ...]:
     )
 
 
-def has_references(frame: Frame, frames: Iterable[Frame]) -> bool:
-    """Whether the frame's set has any, so that the frame needs one."""
-    return any(other.role == "reference" and other.set == frame.set for other in frames)
+def check_references(capture: Capture) -> None:
+    """Raise ReflectanceFitError for sample frames without a reference in sets that have some: one gain needs all."""
+    sets = {frame.set for frame in capture.role("reference")}
+    problems = [
+        Problem(
+            str(capture.path),
+            frame.line,
+            f"{frame.file} has no reference of equal theta_deg, analyzer, retarder and light as others of its set;"
+            " add one, or give the frame a set of its own",
+        )
+        for frame in capture.role("sample")
+        if frame.set in sets and not references_for(frame, capture.frames)
+    ]
+    if problems:
+        raise ReflectanceFitError(problems)
 
 
 def relative_to(capture: Capture, sample: Calibrated, references: Sequence[Calibrated]) -> Calibrated:
