@@ -11,6 +11,8 @@ import numpy as np
 from reflectance_fit.capture.pixel_maps import PixelMaps, checked_maps, read_map
 from reflectance_fit.capture.raw import RawFrame, decode
 
+_MOST_UNUSED = 8  # bits of 16
+
 
 @dataclass(frozen=True, slots=True)
 class Reading:
@@ -60,7 +62,7 @@ def _without_unused_bits(frame: RawFrame) -> RawFrame:
     set_bits = int(np.bitwise_or.reduce(frame.cfa, axis=None))
     unused = (set_bits & -set_bits).bit_length() - 1
     step = 1 << max(unused, 0)
-    if unused < 2 or np.min(np.diff(np.unique(frame.cfa)), initial=2 * step) > step:
+    if not 2 <= unused <= _MOST_UNUSED or np.min(np.diff(np.unique(frame.cfa)), initial=2 * step) > step:
         return frame
     return replace(
         frame,
