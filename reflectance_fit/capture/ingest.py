@@ -90,14 +90,15 @@ def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
         problems = [Problem(str(capture.path), None, f"{file} {reason}") for file, reason in rejected.items()]
         raise ReflectanceFitError(problems)
     rows_of = flat_rows if isinstance(capture.geometry, Stated) else angle_rows
-    observations = rows_of(capture, merged(samples))
+    views = merged(samples)
+    observations = rows_of(capture, views)
     stated = capture.nuisances
     notes = [Note("ROWS_IGNORED", f"{file} {reason}") for file, reason in rejected.items()]
     white = [
         _flat_alone(capture, flat, settings, means) for flat in capture.role("flat") if flat.path in means
     ]
     notes += [Note("NOT_LINEAR", text) for text in _nonlinear([*samples, *white])]
-    notes += check_balance(capture, samples)
+    notes += check_balance(capture, views)
     if not all(
         _knows_noise(capture, means[s.frame.path], plane.channel) for s in samples for plane in s.signals
     ):

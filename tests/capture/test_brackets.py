@@ -32,7 +32,7 @@ FRAME = Frame(
 )  # fmt: skip
 
 
-def signals(value, variance, saturated=False, unlike=0.0):
+def signals(value, variance, saturated=False, unlike=0.0, rejected=False):
     value = np.atleast_1d(np.asarray(value, dtype=float))
     full = np.full_like(value, 1.0)
     return Signals(
@@ -42,6 +42,7 @@ def signals(value, variance, saturated=False, unlike=0.0):
         per_dn=full,
         pixels=np.full(value.shape, 100),
         saturated=np.broadcast_to(saturated, value.shape).copy(),
+        rejected=np.broadcast_to(rejected, value.shape).copy(),
         theta=full,
         theta_squared=full,
         cos_2phi=full,
@@ -84,6 +85,15 @@ def test_clipped_bins_come_from_the_others():
         np.testing.assert_allclose(found.value, [(10 + 11 / 4) / (1 + 1 / 4), 22, 33])
         np.testing.assert_allclose(found.variance, [1 / (1 + 1 / 4), 4, 4])
         assert found.saturated.tolist() == [False, False, True]
+
+
+def test_rejected_bins_come_from_the_others():
+    (one,) = merged(
+        [shot(4, [10, 20], 1.0, rejected=[True, True]), shot(1, [11, 22], 4.0, rejected=[False, True])]
+    )
+    assert one.signals[MONO].value.tolist() == [11, 22]
+    assert one.signals[MONO].rejected.tolist() == [False, True]
+    assert one.signals[MONO].saturated.tolist() == [False, False]
 
 
 def test_without_known_noise_light_counts():
