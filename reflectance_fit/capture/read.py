@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 from reflectance_fit.capture.checks import check_supported, contradictions
 from reflectance_fit.capture.frames import WHITE, Capture, Channel, Exposure, Frame, Noise, Sphere, Stated
-from reflectance_fit.capture.manifest import Ball, FrameEntry, Manifest, read_manifest
+from reflectance_fit.capture.manifest import Ball, Camera, FrameEntry, Manifest, read_manifest
 from reflectance_fit.capture.reading import Reading
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.inputs import existing, sha256_of
@@ -41,13 +42,7 @@ def read_capture(path: str | Path) -> Capture:
         sample_name=manifest.sample.name,
         sample_note=manifest.sample.note or None,
         exterior_ior=manifest.exterior_ior,
-        reading=Reading(
-            camera.sensor,
-            camera.dofp_layout_deg,
-            camera.dofp_colours or "RGGB",
-            offset_map=maps.get("offset_map"),
-            gain_map=maps.get("gain_map"),
-        ),
+        reading=replace(_reading(camera), offset_map=maps.get("offset_map"), gain_map=maps.get("gain_map")),
         channels={name: Channel(band.wavelength_nm, band.fwhm_nm) for name, band in camera.channels.items()},
         noise=noise,
         transfer={},
@@ -69,6 +64,22 @@ def read_capture(path: str | Path) -> Capture:
             *((str(getattr(camera, key)), sha256_of(where)) for key, where in maps.items()),
         ),
         document=document,
+    )
+
+
+def _reading(camera: Camera) -> Reading:
+    filters = ("R", "G", "B") if camera.sensor in ("bayer", "dofp_bayer") else ("mono",)
+
+    def levels(stated: float | dict[str, float] | None) -> dict[str, float] | None:
+        return stated if stated is None or isinstance(stated, dict) else dict.fromkeys(filters, stated)
+
+    return Reading(
+        sensor=camera.sensor,
+        layout_deg=camera.dofp_layout_deg,
+        encoding=camera.encoding,
+        pattern=camera.pattern or "RGGB",
+        black_dn=levels(camera.black_dn),
+        white_dn=levels(camera.white_dn),
     )
 
 

@@ -38,7 +38,7 @@ def frame_of(cfa, black=100.0, white=4000.0):
 
 
 def labelled(cfa, sensor="dofp", colours="RGGB"):
-    return _as_stated(frame_of(cfa), Reading(sensor, LAYOUT, colours))
+    return _as_stated(frame_of(cfa), Reading(sensor, LAYOUT, pattern=colours))
 
 
 def pixels(shape=(24, 32), seed=0):
