@@ -43,6 +43,7 @@ class Signals:
     per_dn: FloatArray
     pixels: NDArray[np.int64]
     saturated: NDArray[np.bool_]
+    rejected: NDArray[np.bool_]
     theta: FloatArray
     theta_squared: FloatArray
     cos_2phi: FloatArray
@@ -101,7 +102,9 @@ def calibrate(
         value, variance = value / seconds, variance / seconds**2
         per_dn = np.full_like(value, 1 / seconds)
         # Where many angles are seen at once each bin has its own pixels: what they differ by is in no gain.
-        unlike = (TYPICAL_PRNU * value) ** 2 / np.maximum(own.pixels, 1)
+        transfer = capture.transfer.get(channel)
+        prnu = TYPICAL_PRNU if transfer is None or math.isnan(transfer.prnu) else transfer.prnu
+        unlike = (prnu * value) ** 2 / np.maximum(own.pixels, 1)
         angles, saturated = [own], _is_saturated(own)
         if flats:
             angles = [flat[0].over(bins)[plane] for flat in flats]
@@ -123,6 +126,7 @@ def calibrate(
             per_dn=per_dn,
             pixels=own.pixels,
             saturated=saturated,
+            rejected=np.zeros(len(value), dtype=np.bool_),
             theta=np.mean([a.theta for a in angles], axis=0),
             theta_squared=np.mean([a.theta_squared for a in angles], axis=0),
             cos_2phi=np.mean([a.cos_2phi for a in angles], axis=0),
@@ -149,12 +153,14 @@ def _noise(
     darks: Sequence[FrameMeans],
     flats: Sequence[FrameMeans],
 ) -> tuple[float, float]:
-    """(a, b) of a pixel's variance a * mean + b, DN^2: the manifest's, the file's, that of the flats, or NaN."""
+    """(a, b) of a pixel's variance a * mean + b, DN^2: the manifest's, the file's, that of pairs or flats, or NaN."""
     if capture.noise is not None:
         noise = capture.noise[channel]
         return 1 / noise.gain_e_per_dn, (noise.read_noise_e / noise.gain_e_per_dn) ** 2 + QUANTISATION
     if means.noise is not None and plane.channel in means.noise:
         return means.noise[plane.channel]
+    if channel in capture.transfer:
+        return capture.transfer[channel].slope, capture.transfer[channel].floor
     if not flats:
         return math.nan, math.nan
     # How neighbours differ holds the pixels' own differences too, so this errs to the large side.

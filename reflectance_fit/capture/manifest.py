@@ -106,6 +106,13 @@ class Camera(Block):
     focal_length_px: Positive | None = Field(
         default=None, description="Focal length in pixels: models the spread of theta over the region"
     )
+    offset_map: Text | None = Field(
+        default=None, description="TIFF file: DN of each pixel without light, in place of the black level"
+    )
+    gain_map: Text | None = Field(
+        default=None,
+        description="TIFF file: factor of each pixel's counts; only ratios between pixels matter",
+    )
     encoding: Literal["linear", "srgb"] | None = Field(
         default=None, description="The frames are PNG or TIFF, not RAW: how their values follow light"
     )
@@ -211,6 +218,9 @@ class FrameEntry(Block):
     region: Region | None = Field(default=None, description="[x0, y0, x1, y1] of this frame")
     s_axis_deg: Number | None = Field(default=None, description="Of this frame")
     gain_group: Text | None = Field(default=None, description="Frames of one group share one unknown gain")
+    material: Text | None = Field(
+        default=None, description="reference: what is seen, a built-in material or 'white'"
+    )
     set: Label = Field(default="0", description="Frames taken in one go")
     channel: Label | None = Field(default=None, description="Use the frame for this channel alone")
 
