@@ -104,7 +104,7 @@ def noise(seed: int) -> FloatArray:
         noise_profile=False,
     )
     found, _ = ingested(spec)
-    sensor, noises = spec.sensor, found.capture.noise or {}
+    sensor, noises = spec.sensor, found.capture.transfer
     return np.array(
         [
             (
