@@ -44,6 +44,13 @@ class Camera:
         length = np.sqrt(u * u + v * v + 1.0)
         return np.stack([u / length, v / length, 1.0 / length], axis=-1)
 
+    def pixels(self, rays: FloatArray) -> FloatArray:
+        """``rays`` backwards: where directions before the camera are seen, shape (..., 3) to (..., 2)."""
+        at = rays[..., :2] / rays[..., 2:]
+        square = np.sum(at**2, axis=-1, keepdims=True)
+        stretched = at * (1.0 + square * (self.k1 + square * self.k2))
+        return np.asarray(self.focal_px * stretched + np.array([self.cx, self.cy]))
+
 
 def incidence(rays: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Angle of incidence of what is mirrored into each ray, and the direction of s in the picture.

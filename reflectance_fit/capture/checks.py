@@ -34,12 +34,8 @@ def _unsupported(m: Manifest) -> Iterator[Finding]:
         yield ("camera", "sensor"), f"{m.camera.sensor}: sensors with polarizers on the pixels are"
     if m.camera.encoding is not None:
         yield ("camera", "encoding"), "images that are not RAW are"
-    if m.geometry.kind == "charuco":
-        yield ("geometry", "kind"), "angles from a ChArUco board are"
-    if m.geometry.sphere == "detect":
-        yield ("geometry", "sphere"), "finding the ball is"
     for i, frame in enumerate(m.frames):
-        if frame.role not in ("sample", "dark", "flat"):
+        if frame.role not in ("sample", "dark", "flat", "geometry"):
             yield ("frames", i, "role"), f"the role {frame.role} is"
 
 
@@ -104,6 +100,15 @@ def _geometry(m: Manifest) -> Iterator[Finding]:
             # Linear light would have to turn with the plane of incidence around the ball.
             if light and any(light.vector()[1:3]):
                 yield place, "light on a ball must be alike from all sides: unpolarized or circular"
+    if kind == "charuco":
+        sampled = [(i, f) for i, f in enumerate(m.frames) if f.role == "sample"]
+        for i, frame in sampled:
+            if frame.region is None and m.region is None:
+                yield ("frames", i), "region is missing; say where on the board the sample is seen"
+    elif kind == "stated":
+        for i, frame in enumerate(m.frames):
+            if frame.role == "geometry":
+                yield ("frames", i, "role"), "geometry belongs to kind: charuco or sphere: detect; remove it"
     stated = [f.s_axis_deg is not None for f in m.frames if f.role == "sample"]
     if kind == "stated" and m.geometry.s_axis_deg is None and not all(stated):
         message = "s_axis_deg is missing; add the angle from the picture's horizontal to s"
