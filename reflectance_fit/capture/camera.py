@@ -32,6 +32,11 @@ class Camera:
     k1: float = 0.0
     k2: float = 0.0
 
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width of the picture whose middle the principal point is."""
+        return round(2 * self.cy + 1), round(2 * self.cx + 1)
+
     def rays(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Unit vectors from the camera through pixels, shape S + (3,) for x and y of shape S."""
         seen_x, seen_y = (x - self.cx) / self.focal_px, (y - self.cy) / self.focal_px

@@ -140,6 +140,11 @@ class Frame:
     gain_group: str | None
     channels: tuple[str, ...]
 
+    def box(self, shape: tuple[int, int]) -> tuple[int, int, int, int]:
+        """The region as far as a picture of (h, w) goes, one pixel at least."""
+        x0, y0, x1, y1 = self.region or (0, 0, shape[1], shape[0])
+        return x0, y0, max(min(x1, shape[1]), x0 + 1), max(min(y1, shape[0]), y0 + 1)
+
     def settings(self, found: Exposure) -> Exposure:
         """What the manifest states, else what was ``found`` in the file."""
         stated = self.exposure

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,8 +10,9 @@ import numpy as np
 
 from reflectance_fit.capture.bins import Bins
 from reflectance_fit.capture.calibrate import Calibrated, calibrate
-from reflectance_fit.capture.frames import Capture, Exposure, Frame, Sphere, Stated, darks_for, flats_for
+from reflectance_fit.capture.frames import Ball, Capture, Exposure, Frame, Sphere, darks_for, flats_for
 from reflectance_fit.capture.geometry import bins_of
+from reflectance_fit.capture.locate import locate
 from reflectance_fit.capture.observe import angle_rows, flat_rows
 from reflectance_fit.capture.reduce import Changed, FrameMeans, reduce_file
 from reflectance_fit.capture.settings import check_hashes, read_settings
@@ -50,11 +51,12 @@ def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
     left.  A file that kills its decoder costs that frame and a warning.
     """
     settings = read_settings(capture)
-    jobs = _jobs(capture, settings)
+    capture, rejected = locate(capture, progress)
+    jobs = _jobs(capture, settings, rejected)
     means, errors, hashes = _decode(capture, jobs, progress)
     hashes |= {frame.path: sha256_of(frame.path) for frame in capture.frames if frame.path not in hashes}
     check_hashes(capture, hashes)
-    rejected = {frame.file: errors[frame.path] for frame in capture.frames if frame.path in errors}
+    rejected |= {frame.file: errors[frame.path] for frame in capture.frames if frame.path in errors}
     _check_planes(capture, means)
     _check_sizes(capture, settings, means)
     for frame in capture.role("sample"):
@@ -70,7 +72,9 @@ def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
     if not samples:
         problems = [Problem(str(capture.path), None, f"{file} {reason}") for file, reason in rejected.items()]
         raise ReflectanceFitError(problems)
-    observations = (flat_rows if isinstance(capture.geometry, Stated) else angle_rows)(capture, samples)
+    observations = (angle_rows if isinstance(capture.geometry, Sphere | Ball) else flat_rows)(
+        capture, samples
+    )
     stated = capture.nuisances
     notes = [Note("ROWS_IGNORED", f"{file} {reason}") for file, reason in rejected.items()]
     if any(frame.sha256 is None for frame in capture.frames):
@@ -88,14 +92,20 @@ def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
         inputs=(*capture.inputs, *((frame.file, hashes[frame.path]) for frame in capture.frames)),
         sample_note=capture.sample_note,
     )
-    unused = frozenset(frame.file for frame in capture.frames if frame.path not in jobs)
+    # Frames of role geometry have served when they were not rejected.
+    serves = {frame.path for frame in capture.role("geometry")} | set(jobs)
+    unused = frozenset(f.file for f in capture.frames if f.path not in serves and f.file not in rejected)
     return Ingested(capture, measurement, tuple(samples), rejected, unused, settings)
 
 
-def _jobs(capture: Capture, settings: Mapping[Path, Exposure]) -> dict[Path, tuple[Bins, ...]]:
+def _jobs(
+    capture: Capture, settings: Mapping[Path, Exposure], rejected: Container[str]
+) -> dict[Path, tuple[Bins, ...]]:
     """Which bins each file is averaged over: a dark or flat over those of every frame it serves."""
     wanted: dict[Path, dict[Bins, None]] = {}
     for frame in capture.role("sample"):
+        if frame.file in rejected:
+            continue
         flats = flats_for(frame, capture.frames)
         darks = [dark for one in (frame, *flats) for dark in darks_for(one, capture.frames, settings)]
         for file in (frame, *flats, *darks):
@@ -175,7 +185,7 @@ def _check_sizes(
         others |= {flat.path: flat for flat in flats}
         own = [plane.pixels for plane in means[frame.path].over(bins).values()]
         if not sum(int(pixels.sum()) for pixels in own):
-            what = "ball" if isinstance(capture.geometry, Sphere) else "region"
+            what = "ball" if isinstance(capture.geometry, Sphere | Ball) else "region"
             message = f"{frame.file} does not show the {what}: it is outside the picture; correct it"
             problems.append(Problem(str(capture.path), frame.line, message))
         for other in others.values():

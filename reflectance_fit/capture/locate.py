@@ -13,12 +13,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from reflectance_fit.capture.bins import Region
 from reflectance_fit.capture.board import Board
 from reflectance_fit.capture.camera import Camera, incidence
 from reflectance_fit.capture.corners import corners_in_file
 from reflectance_fit.capture.frames import (
-    Ball,
     BoardSought,
     Capture,
     Frame,
@@ -65,9 +63,7 @@ def locate(capture: Capture, progress: Progress | None = None) -> tuple[Capture,
     return capture, {}
 
 
-def _on_board(
-    capture: Capture, board: Board, progress: Progress | None
-) -> tuple[Capture, dict[str, str]]:
+def _on_board(capture: Capture, board: Board, progress: Progress | None) -> tuple[Capture, dict[str, str]]:
     board.opencv()  # what is wrong with it is wrong for all photographs
     frames = {frame.path: frame for frame in capture.frames if frame.role in ("sample", "geometry")}
     found, rejected = _look(
@@ -75,14 +71,17 @@ def _on_board(
     )
     if not any(frames[path].role == "sample" for path in found):
         raise ReflectanceFitError(
-            [Problem(str(capture.path), frames[p].line, f"{frames[p].file} {why}") for p, why in rejected.items()]
+            [
+                Problem(str(capture.path), frames[p].line, f"{frames[p].file} {why}")
+                for p, why in rejected.items()
+            ]
         )
     sizes = {corners.shape for corners in found.values()}
     if len(sizes) > 1:
         raise ReflectanceFitError(
             Problem(str(capture.path), None, "the photographs of the board differ in size; use one camera")
         )
-    boxes = {path: _box(frames[path], next(iter(sizes))) for path in found if frames[path].role == "sample"}
+    boxes = {path: frames[path].box(next(iter(sizes))) for path in found if frames[path].role == "sample"}
     try:
         poses = find_poses(
             found,
@@ -170,13 +169,6 @@ def picture_size(path: Path, reading: Reading) -> tuple[int, int]:
     """Height and width of a file's picture, in raw pixels."""
     height, width = read_frame(path, reading).cfa.shape
     return height, width
-
-
-def _box(frame: Frame, shape: tuple[int, int]) -> tuple[int, int, int, int]:
-    """The frame's region as far as the picture goes; the region where it is outside."""
-    region = Region() if frame.region is None else Region(*frame.region)
-    x1, y1 = min(region.x1, shape[1]), min(region.y1, shape[0])
-    return (region.x0, region.y0, max(x1, region.x0 + 1), max(y1, region.y0 + 1))
 
 
 def _look(

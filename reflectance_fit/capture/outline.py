@@ -15,7 +15,7 @@ from reflectance_fit.capture.frames import Ball, Sphere
 FloatArray = NDArray[np.float64]
 
 # What sectors err by together: the rim's profile is not quite the model's.
-_COMMON_PX = 0.05
+_COMMON_PX = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)

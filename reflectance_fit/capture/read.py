@@ -5,10 +5,19 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from reflectance_fit.capture.checks import check_supported, contradictions
 from reflectance_fit.capture.board import Board
+from reflectance_fit.capture.checks import check_supported, contradictions
 from reflectance_fit.capture.frames import (
-    BoardSought, Capture, Channel, Exposure, Frame, Geometry, Noise, Sphere, SphereSought, Stated,
+    BoardSought,
+    Capture,
+    Channel,
+    Exposure,
+    Frame,
+    Geometry,
+    Noise,
+    Sphere,
+    SphereSought,
+    Stated,
 )
 from reflectance_fit.capture.manifest import Ball, FrameEntry, Manifest, read_manifest
 from reflectance_fit.capture.reading import Reading

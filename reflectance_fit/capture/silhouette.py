@@ -10,9 +10,12 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize, minimize_scalar
 from scipy.special import ndtr
 
 from reflectance_fit.capture.outline import Outline
@@ -25,10 +28,15 @@ FloatArray = NDArray[np.float64]
 _COARSE_PX = 400  # longer side of the picture in which the ball is first looked for
 _LEAST_RADIUS = 0.04  # of that side
 _SECTORS = 96
-_WINDOW = 10.0  # pixels to either side of where the outline is thought to be
+_INSIDE, _OUTSIDE = 12.0, 8.0  # pixels to either side of where the outline is thought to be
 _SEARCH = 4.0  # how far from there it may be
-_STEP = 0.1
-_BLURS = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
+_STEP, _BIN, _FINE = 0.1, 0.25, 0.02
+_LOG_BLURS = (math.log(0.3), math.log(4.0))
+_POWERS = (0.5, 1.0, 1.5)
+_PLACES = np.arange(-_INSIDE + _BIN / 2, _OUTSIDE, _BIN)
+_SHIFTS = np.arange(-_SEARCH, _SEARCH + _STEP / 2, _STEP)
+_MIDDLES = (np.arange(_SECTORS) + 0.5) * 2 * math.pi / _SECTORS
+_TABLE = np.arange(-_INSIDE - _SEARCH - 1, _OUTSIDE + _SEARCH + 1, _FINE)
 _HARMONICS = 3  # an outline in perspective is an ellipse: shift and stretch
 _LEAST_GAIN = 25.0  # by how many variances an edge must explain more than a smooth curve does
 _LEAST_SHARE = 0.5  # of the sectors
@@ -119,97 +127,140 @@ def _circle(picture: FloatArray) -> tuple[float, float, float]:
 
 
 def _refined(picture: FloatArray, outline: _Round) -> tuple[FloatArray, float, _Round]:
-    """Points on the outline near ``outline``, their scatter, and the smooth curve through them."""
-    direction, distance, value = _near(picture, outline)
-    sector = np.minimum((direction / (2 * math.pi) * _SECTORS).astype(int), _SECTORS - 1)
-    order = np.argsort(sector, kind="stable")
-    cuts = np.searchsorted(sector[order], np.arange(1, _SECTORS))
-    parts = [(distance[i], value[i], direction[i]) for i in np.split(order, cuts)]
-    parts = [part for part in parts if len(part[0]) >= 3 * _WINDOW]
-    best: tuple[float, list[tuple[float, float]]] = (math.inf, [])
-    for blur in _BLURS:
-        basis = _Basis(blur)
-        edges = [basis.edge(d, v) for d, v, _ in parts]
-        # Each sector's noise is its own, so misfits count by their logarithms.
-        total = sum(math.log(max(misfit, 1e-300)) for _, misfit, _ in edges)
-        if total < best[0]:
-            best = (total, [(at, gain) for at, _, gain in edges])
-    at = np.array([edge for edge, _ in best[1]])
-    seen = np.array([gain > _LEAST_GAIN and abs(edge) < _SEARCH - _STEP for edge, gain in best[1]], dtype=bool)
-    middle = np.array([_mean_direction(part[2]) for part in parts])
-    waves = _waves(middle)
+    """Points on the outline near ``outline``, how far it may be off, and the smooth curve through them."""
+    profiles, weights = _profiles(*_near(picture, outline))
+    waves = _waves(_MIDDLES)
+    seen = _seen(profiles, weights)
+
+    def fitted(log_blur: float) -> tuple[float, FloatArray, float]:
+        return _joint(_misfits(profiles[seen], weights[seen], math.exp(log_blur)), weights[seen], waves[seen])
+
+    best = minimize_scalar(
+        lambda b: fitted(b)[0], bounds=_LOG_BLURS, method="bounded", options={"xatol": 0.02}
+    )
+    _, change, sigma = fitted(best.x)
+    moved = _Round(outline.x, outline.y, outline.series + change)
+    radius = moved.radius(_MIDDLES[seen])
+    x, y = outline.x + radius * np.cos(_MIDDLES[seen]), outline.y + radius * np.sin(_MIDDLES[seen])
+    return np.stack([x, y], axis=-1), sigma, moved
+
+
+def _seen(profiles: FloatArray, weights: FloatArray) -> NDArray[np.bool_]:
+    """Sectors with an edge, and one that lies with the others'."""
+    log_blur = minimize_scalar(
+        lambda b: np.log(_misfits(profiles, weights, math.exp(b)).min(axis=1)).sum(),
+        bounds=_LOG_BLURS,
+        method="bounded",
+        options={"xatol": 0.1},
+    ).x
+    misfits = _misfits(profiles, weights, math.exp(log_blur))
+    k = np.argmin(misfits, axis=1)
+    pixels = weights.sum(axis=1)
+    gain = pixels * (_smooth_misfit(profiles, weights) / misfits.min(axis=1) - 1)
+    full = np.count_nonzero(weights, axis=1) > len(_PLACES) // 2
+    seen = (gain > _LEAST_GAIN) & full & (k > 0) & (k < len(_SHIFTS) - 1)
+    waves = _waves(_MIDDLES)
     for _ in range(10):
         if seen.sum() < _LEAST_SHARE * _SECTORS:
             raise ReflectanceFitError(_NOT_SEEN)
-        change = np.linalg.lstsq(waves[seen], at[seen])[0]
-        left = at - waves @ change
-        scatter = 1.4826 * float(np.median(np.abs(left[seen])))
-        kept = seen & (np.abs(left) <= max(4 * scatter, 1e-3))
+        left = _SHIFTS[k] - waves @ np.linalg.lstsq(waves[seen], _SHIFTS[k][seen])[0]
+        kept = seen & (np.abs(left) <= max(4 * 1.4826 * float(np.median(np.abs(left[seen]))), 2 * _STEP))
         if np.array_equal(kept, seen):
             break
         seen = kept
-    radius = outline.radius(middle[seen]) + at[seen]
-    x, y = outline.x + radius * np.cos(middle[seen]), outline.y + radius * np.sin(middle[seen])
-    return np.stack([x, y], axis=-1), scatter, _Round(outline.x, outline.y, outline.series + change)
+    return np.asarray(seen)
+
+
+def _joint(misfits: FloatArray, weights: FloatArray, waves: FloatArray) -> tuple[float, FloatArray, float]:
+    """The smooth change of the outline that all sectors together prefer: minus log likelihood, change, sigma of its mean.
+
+    Each sector's noise is its own, so its misfit counts by its logarithm.
+    """
+    pixels = weights.sum(axis=1)
+    curves = CubicSpline(_SHIFTS, 0.5 * pixels[:, None] * np.log(misfits), axis=1)
+    rows = np.arange(len(pixels))
+
+    def at(change: FloatArray, order: int) -> FloatArray:
+        places = np.clip(waves @ change, -_SEARCH, _SEARCH)
+        return np.asarray(curves(places, order)[rows, rows])
+
+    change: FloatArray = np.asarray(
+        np.linalg.lstsq(waves, _SHIFTS[np.argmin(misfits, axis=1)])[0], dtype=np.float64
+    )
+
+    def loss(moved: FloatArray) -> tuple[float, FloatArray]:
+        return float(at(moved, 0).sum()), np.asarray(waves.T @ at(moved, 1))
+
+    found: Any = minimize(loss, change, jac=True, method="BFGS")
+    bend = np.maximum(at(found.x, 2), 0.0)
+    covariance = np.linalg.pinv(waves.T @ (bend[:, None] * waves))
+    return float(found.fun), np.asarray(found.x), math.sqrt(covariance[0, 0])
 
 
 def _near(picture: FloatArray, outline: _Round) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Direction from the middle, distance outwards from the outline, and value of the pixels about it."""
     height, width = picture.shape
-    reach = float(outline.series[0] + np.abs(outline.series[1:]).sum()) + _WINDOW + 2
+    reach = float(outline.series[0] + np.abs(outline.series[1:]).sum()) + _OUTSIDE + 2
     rows = slice(max(0, math.floor(outline.y - reach)), min(height, math.ceil(outline.y + reach) + 1))
     columns = slice(max(0, math.floor(outline.x - reach)), min(width, math.ceil(outline.x + reach) + 1))
     y, x = np.mgrid[rows, columns]
     across, down = x - outline.x, y - outline.y
     far = np.hypot(across, down)
-    ring = np.abs(far - outline.series[0]) < reach - outline.series[0]
+    ring = np.abs(far - outline.series[0]) < reach - outline.series[0] + _INSIDE - _OUTSIDE
     direction = np.arctan2(down[ring], across[ring]) % (2 * math.pi)
     distance = far[ring] - outline.radius(direction)
-    close = np.abs(distance) < _WINDOW
+    close = (distance > -_INSIDE) & (distance < _OUTSIDE)
     return direction[close], distance[close], picture[rows, columns][ring][close]
 
 
-def _mean_direction(direction: FloatArray) -> float:
-    return float(direction.mean())  # a sector does not go over the full turn
+def _profiles(
+    direction: FloatArray, distance: FloatArray, value: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Mean value by sector and distance, and how many pixels it is of, shape (sectors, bins)."""
+    sector = np.minimum((direction / (2 * math.pi) * _SECTORS).astype(int), _SECTORS - 1)
+    place = ((distance + _INSIDE) / _BIN).astype(int)
+    cell = sector * len(_PLACES) + np.minimum(place, len(_PLACES) - 1)
+    size = _SECTORS * len(_PLACES)
+    weights = np.bincount(cell, minlength=size).astype(np.float64)
+    total = np.bincount(cell, weights=value, minlength=size)
+    shape = (_SECTORS, len(_PLACES))
+    return (total / np.maximum(weights, 1)).reshape(shape), weights.reshape(shape)
 
 
-class _Basis:
-    """What a blurred rim may look like, as functions of the distance outwards from the outline."""
+def _misfits(profiles: FloatArray, weights: FloatArray, blur: float) -> FloatArray:
+    """What a rim at each of the shifts leaves of each sector's profile, shape (sectors, shifts)."""
+    return _misfit(profiles, weights, _rim(_PLACES[None] - _SHIFTS[:, None], blur))
 
-    def __init__(self, blur: float) -> None:
-        reach = _WINDOW + _SEARCH + 1
-        self._t = np.arange(-reach, reach, 0.02)
-        kernel_t = np.arange(-5 * blur, 5 * blur + 0.01, 0.02)
-        kernel = np.exp(-0.5 * (kernel_t / blur) ** 2)
-        kernel /= kernel.sum()
-        # Beyond the table by the kernel's width, which is cut off again.
-        wide = np.arange(len(self._t) + len(kernel) - 1) * 0.02 + self._t[0] - 5 * blur
-        inside = np.maximum(-wide, 0.0)
-        root = np.convolve(np.sqrt(inside), kernel, mode="valid")
-        slope = np.convolve(inside, kernel, mode="valid")
-        n = len(self._t)
-        self._columns = np.stack(
-            [np.ones(n), ndtr(-self._t / blur), root[:n], slope[:n], self._t + slope[:n]], axis=-1
-        )
 
-    def edge(self, distance: FloatArray, value: FloatArray) -> tuple[float, float, float]:
-        """Where the outline is, the variance left, and by how many of them it is better than without an edge."""
-        places = np.arange(-_SEARCH, _SEARCH + _STEP / 2, _STEP)
-        index = np.rint((distance - places[:, None] - self._t[0]) / 0.02).astype(int)
-        design = self._columns[np.clip(index, 0, len(self._t) - 1)]
-        scale = float(np.abs(value).max()) or 1.0
-        target = value / scale
-        normal = np.einsum("pni,pnj->pij", design, design)
-        right = np.einsum("pni,n->pi", design, target)
-        # A touch of the identity: a sector may have no pixel beyond the edge.
-        found = np.linalg.solve(normal + 1e-9 * len(target) * np.eye(5), right[..., None])[..., 0]
-        misfit = target @ target - 2 * np.sum(found * right, -1) + np.einsum("pi,pij,pj->p", found, normal, found)
-        k = int(np.argmin(misfit))
-        at = places[k]
-        if 0 < k < len(places) - 1:
-            before, here, after = misfit[k - 1 : k + 2]
-            at += 0.5 * _STEP * (before - after) / (before - 2 * here + after)
-        curve = np.polynomial.polynomial.polyvander(distance / _WINDOW, 4)
-        without = np.sum((target - curve @ np.linalg.lstsq(curve, target)[0]) ** 2)
-        variance = max(float(misfit[k]), 1e-12) / max(len(target) - 7, 1)
-        return float(at), variance, float((without - misfit[k]) / variance)
+def _smooth_misfit(profiles: FloatArray, weights: FloatArray) -> FloatArray:
+    """What a curve without an edge leaves."""
+    curve = np.vander(_PLACES / _OUTSIDE, 5)
+    return _misfit(profiles, weights, curve[None])[:, 0]
+
+
+def _misfit(profiles: FloatArray, weights: FloatArray, design: FloatArray) -> FloatArray:
+    """Weighted squares left by each design, shape (designs, bins, terms), in each sector; shape (sectors, designs)."""
+    designs, bins, terms = design.shape
+    products = (design[..., :, None] * design[..., None, :]).transpose(1, 0, 2, 3).reshape(bins, -1)
+    normal = (weights @ products).reshape(-1, designs, terms, terms)
+    right = ((weights * profiles) @ design.transpose(1, 0, 2).reshape(bins, -1)).reshape(-1, designs, terms)
+    # A touch of the identity: a sector may have no pixel beyond the edge.
+    normal += 1e-10 * (1 + weights.sum(axis=1))[:, None, None, None] * np.eye(terms)
+    found = np.linalg.solve(normal, right[..., None])[..., 0]
+    square = np.sum(weights * profiles**2, axis=1)
+    left = square[:, None] - np.sum(found * right, axis=-1)
+    return np.asarray(np.maximum(left, 1e-12 * square[:, None] + 1e-300))
+
+
+def _rim(distance: FloatArray, blur: float) -> FloatArray:
+    """What a blurred rim may look like at distances outwards from it: shape S + (terms,)."""
+    t = _TABLE
+    kernel_t = np.arange(-round(5 * blur / _FINE), round(5 * blur / _FINE) + 1) * _FINE
+    kernel = np.exp(-0.5 * (kernel_t / blur) ** 2)
+    pad = len(kernel) // 2
+    inside = np.maximum(-(np.arange(-pad, len(t) + pad) * _FINE + t[0]), 0.0)
+    powers = [np.convolve(inside**power, kernel / kernel.sum(), mode="valid") for power in _POWERS]
+    step = ndtr(-t / blur)
+    columns = [np.ones_like(t), t + np.convolve(inside, kernel / kernel.sum(), mode="valid"), step, *powers]
+    index = np.rint((distance - t[0]) / _FINE).astype(int)
+    return np.asarray(np.stack(columns, axis=-1)[index], dtype=np.float64)
