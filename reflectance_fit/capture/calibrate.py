@@ -31,10 +31,15 @@ TYPICAL_PRNU = 0.005  # where no flat divides it out
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Signals:
-    """One channel of one frame; arrays of shape (bins,)."""
+    """One channel of one frame; arrays of shape (bins,).
+
+    ``unlike`` is that part of the variance which the same pixels repeat in
+    every frame: 0 where it goes into a gain.
+    """
 
     value: FloatArray
     variance: FloatArray
+    unlike: FloatArray
     per_dn: FloatArray
     pixels: NDArray[np.int64]
     saturated: NDArray[np.bool_]
@@ -97,27 +102,37 @@ def calibrate(
         per_dn = np.full_like(value, 1 / seconds)
         # Where many angles are seen at once each bin has its own pixels: what they differ by is in no gain.
         unlike = (TYPICAL_PRNU * value) ** 2 / np.maximum(own.pixels, 1)
-        angles = [own]
+        angles, saturated = [own], _is_saturated(own)
         if flats:
             angles = [flat[0].over(bins)[plane] for flat in flats]
             levels, noises = zip(*(_flat(flat, bins, plane, noise) for flat in flats), strict=True)
-            level = np.mean(levels, axis=0)
+            clipped = np.stack([_is_saturated(angle) for angle in angles])
+            # Where every flat is clipped there is no level to divide by.
+            dark_enough = ~clipped | clipped.all(axis=0)
+            count = dark_enough.sum(axis=0)
+            level = np.sum(dark_enough * np.stack(levels), axis=0) / count
+            saturated = saturated | clipped.all(axis=0)
             value, variance, per_dn = value / level, variance / level**2, per_dn / level
-            unlike = value**2 * np.sum(noises, axis=0) / (len(flats) * level) ** 2
-        if not isinstance(bins, Region):
-            variance = variance + unlike
+            unlike = value**2 * np.sum(dark_enough * np.stack(noises), axis=0) / (count * level) ** 2
+        if isinstance(bins, Region):
+            unlike = np.zeros_like(value)
         signals[Plane(channel, plane.axis_deg)] = Signals(
             value=value,
-            variance=variance,
+            variance=variance + unlike,
+            unlike=unlike,
             per_dn=per_dn,
             pixels=own.pixels,
-            saturated=own.saturated > SATURATED_SHARE * own.pixels,
+            saturated=saturated,
             theta=np.mean([a.theta for a in angles], axis=0),
             theta_squared=np.mean([a.theta_squared for a in angles], axis=0),
             cos_2phi=np.mean([a.cos_2phi for a in angles], axis=0),
             sin_2phi=np.mean([a.sin_2phi for a in angles], axis=0),
         )
     return Calibrated(frame, exposure, bins, signals)
+
+
+def _is_saturated(means: PlaneMeans) -> NDArray[np.bool_]:
+    return np.asarray(means.saturated > SATURATED_SHARE * means.pixels)
 
 
 def _channel(frame: Frame, plane: Plane) -> str | None:

@@ -32,8 +32,6 @@ def _unsupported(m: Manifest) -> Iterator[Finding]:
     """The one list of refusals: (place, subject and verb)."""
     if m.camera.sensor in ("dofp", "dofp_bayer"):
         yield ("camera", "sensor"), f"{m.camera.sensor}: sensors with polarizers on the pixels are"
-    if m.camera.encoding is not None:
-        yield ("camera", "encoding"), "images that are not RAW are"
     for i, frame in enumerate(m.frames):
         if frame.role not in ("sample", "dark", "flat", "geometry"):
             yield ("frames", i, "role"), f"the role {frame.role} is"
@@ -70,9 +68,39 @@ def _camera(m: Manifest) -> Iterator[Finding]:
         yield ("camera",), "dofp_layout_deg is missing; add the axes of the 2 x 2 pixels"
     elif not dofp and camera.dofp_layout_deg is not None:
         yield ("camera", "dofp_layout_deg"), "belongs to dofp sensors; remove it"
+    yield from _levels(m)
     if camera.noise:
         for key in ("gain_e_per_dn", "read_noise_e"):
             yield from _covers(m, ("camera", "noise", key), getattr(camera.noise, key))
+
+
+def _levels(m: Manifest) -> Iterator[Finding]:
+    """Levels and colours that files state, or do not."""
+    camera = m.camera
+    coloured = camera.sensor in ("bayer", "dofp_bayer")
+    if camera.pattern is None and camera.encoding is not None and camera.sensor == "bayer":
+        message = (
+            "pattern is missing; add the colours of the top left pixels, as RGGB: PNG and TIFF do not tell"
+        )
+        yield ("camera",), message
+    elif camera.pattern is not None and not coloured:
+        yield ("camera", "pattern"), "belongs to sensors with colour filters; remove it"
+    elif camera.pattern is not None and camera.encoding is None and camera.sensor == "bayer":
+        yield ("camera", "pattern"), "belongs to PNG and TIFF; RAW files say it themselves; remove it"
+    black, white = camera.black_dn, camera.white_dn
+    for key, stated in (("black_dn", black), ("white_dn", white)):
+        if stated is not None and camera.encoding == "srgb":
+            yield ("camera", key), "belongs to linear values; those of sRGB are decoded to light; remove it"
+        elif isinstance(stated, dict) and not coloured:
+            yield ("camera", key), f"a {camera.sensor} sensor has one level; give one number"
+        elif isinstance(stated, dict):
+            for name in stated:
+                if name not in BAYER:
+                    yield ("camera", key, name), f"a {camera.sensor} sensor has the channels R, G and B"
+    for name in BAYER:
+        low, high = (level.get(name) if isinstance(level, dict) else level for level in (black, white))
+        if low is not None and high is not None and low >= high:
+            yield ("camera", "white_dn"), f"must be above black_dn, {low:g}"
 
 
 def _optics(m: Manifest) -> Iterator[Finding]:

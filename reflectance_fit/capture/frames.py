@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from fractions import Fraction
 from pathlib import Path
 from typing import NamedTuple
 
@@ -105,7 +106,7 @@ Geometry = Stated | Sphere | SphereSought | Ball | BoardSought | OnBoard
 class Exposure(NamedTuple):
     """Settings of a photograph; None where neither the file nor the manifest has them."""
 
-    seconds: float | None
+    seconds: Fraction | None
     iso: float | None
 
 
@@ -209,7 +210,7 @@ def darks_for(
 
     wanted = settings(frame)
     return tuple(
-        dark for dark in frames if dark.role == "dark" and all(map(_same_setting, settings(dark), wanted))
+        dark for dark in frames if dark.role == "dark" and all(map(same_setting, settings(dark), wanted))
     )
 
 
@@ -224,7 +225,8 @@ def flats_for(frame: Frame, frames: Iterable[Frame]) -> tuple[Frame, ...]:
     return named or tuple(flat for flat in flats if math.isnan(flat.analyzer_deg))
 
 
-def _same_setting(one: float | None, other: float | None) -> bool:
+def same_setting(one: Fraction | float | None, other: Fraction | float | None) -> bool:
+    """Whether two exposures or ISO speeds are one setting of a camera."""
     if one is None or other is None:
         return one is other
     return math.isclose(one, other, rel_tol=_SAME_SETTING)

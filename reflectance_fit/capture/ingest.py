@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterator, Mapping
+import math
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 
-from reflectance_fit.capture.bins import Bins
+from reflectance_fit.capture.bins import Bins, Mask
+from reflectance_fit.capture.brackets import brackets, merged
 from reflectance_fit.capture.calibrate import Calibrated, calibrate
 from reflectance_fit.capture.frames import Ball, Capture, Exposure, Frame, Sphere, darks_for, flats_for
 from reflectance_fit.capture.geometry import bins_of
+from reflectance_fit.capture.hot import find_hot
+from reflectance_fit.capture.linearity import complaints, departures
 from reflectance_fit.capture.locate import locate
 from reflectance_fit.capture.observe import angle_rows, flat_rows
 from reflectance_fit.capture.reduce import Changed, FrameMeans, reduce_file
+from reflectance_fit.capture.saturation import clipped_alike
 from reflectance_fit.capture.settings import check_hashes, read_settings
 from reflectance_fit.capture.workers import FrameError, Job, RawWorkers
 from reflectance_fit.errors import Problem, ReflectanceFitError
@@ -72,11 +78,14 @@ def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
     if not samples:
         problems = [Problem(str(capture.path), None, f"{file} {reason}") for file, reason in rejected.items()]
         raise ReflectanceFitError(problems)
-    observations = (angle_rows if isinstance(capture.geometry, Sphere | Ball) else flat_rows)(
-        capture, samples
-    )
+    rows_of = angle_rows if isinstance(capture.geometry, Sphere | Ball) else flat_rows
+    observations = rows_of(capture, merged(samples))
     stated = capture.nuisances
     notes = [Note("ROWS_IGNORED", f"{file} {reason}") for file, reason in rejected.items()]
+    white = [
+        _flat_alone(capture, flat, settings, means) for flat in capture.role("flat") if flat.path in means
+    ]
+    notes += [Note("NOT_LINEAR", text) for text in _nonlinear([*samples, *white])]
     if any(frame.sha256 is None for frame in capture.frames):
         notes.append(
             Note("NO_HASHES", "a damaged photograph can pass unnoticed; ingest --write-hashes states them")
@@ -118,17 +127,21 @@ def _decode(
 ) -> tuple[dict[Path, FrameMeans], dict[Path, str], dict[Path, str]]:
     """Each file's means, why the others have none, and the sha256 of those that a worker read."""
     means: dict[Path, FrameMeans] = {}
-    errors: dict[Path, str] = {}
     hashes: dict[Path, str] = {}
     frames = {frame.path: frame for frame in capture.frames}
 
-    def work() -> Iterator[Job[FrameMeans | Changed]]:
-        for path, bins in jobs.items():
-            frame = frames[path]
-            yield path, reduce_file, (capture.reading, frame.sha256, bins, frame.role == "flat")
-
     with RawWorkers() as workers:
-        for done, (path, answer) in enumerate(zip(jobs, workers.map(work()), strict=True), 1):
+        darks = [path for path in jobs if frames[path].role == "dark"]
+        mask, errors = _hot(capture, darks, workers, progress)
+        left = [path for path in jobs if path not in errors]
+
+        def work() -> Iterator[Job[FrameMeans | Changed]]:
+            for path in left:
+                frame = frames[path]
+                args = capture.reading, frame.sha256, jobs[path], frame.role == "flat", None, mask
+                yield path, reduce_file, args
+
+        for done, (path, answer) in enumerate(zip(left, workers.map(work()), strict=True), 1):
             match answer:
                 case FrameError():
                     errors[path] = answer.reason
@@ -138,8 +151,27 @@ def _decode(
                     hashes[path] = answer.sha256
                     means[path] = answer
             if progress:
-                progress("reading frames", done, len(jobs))
-    return means, errors, hashes
+                progress("reading frames", done, len(left))
+    return clipped_alike(means), errors, hashes
+
+
+def _hot(
+    capture: Capture, darks: Sequence[Path], workers: RawWorkers, progress: Progress | None
+) -> tuple[Mask | None, dict[Path, str]]:
+    """The pixels that are hot in any of ``darks``, None without darks; and why the others do not tell."""
+    mask: Mask | None = None
+    errors: dict[Path, str] = {}
+    answers = workers.map((path, find_hot, (capture.reading,)) for path in darks)
+    for done, (path, answer) in enumerate(zip(darks, answers, strict=True), 1):
+        if isinstance(answer, FrameError):
+            errors[path] = answer.reason
+        elif mask is None:
+            mask = answer
+        elif mask.shape == answer.shape:  # one of another size is told of when frames and darks are compared
+            mask = mask | answer
+        if progress:
+            progress("looking for hot pixels", done, len(darks))
+    return mask, errors
 
 
 def _calibrated(
@@ -149,13 +181,32 @@ def _calibrated(
         return [means[d.path] for d in darks_for(one, capture.frames, settings) if d.path in means]
 
     flats = [
-        (means[flat.path], settings[flat.path].seconds or 1.0, darks(flat))
+        (means[flat.path], float(settings[flat.path].seconds or math.nan), darks(flat))
         for flat in flats_for(frame, capture.frames)
         if flat.path in means
     ]
     return calibrate(
         capture, frame, settings[frame.path], bins_of(capture, frame), means[frame.path], darks(frame), flats
     )
+
+
+def _flat_alone(
+    capture: Capture, flat: Frame, settings: Mapping[Path, Exposure], means: Mapping[Path, FrameMeans]
+) -> Calibrated:
+    """A flat's own signal, over the bins of the first frame it serves."""
+    darks = [means[d.path] for d in darks_for(flat, capture.frames, settings) if d.path in means]
+    own = means[flat.path]
+    return calibrate(capture, flat, settings[flat.path], own.bins[0], own, darks, [])
+
+
+def _nonlinear(frames: Sequence[Calibrated]) -> Iterator[str]:
+    """What is to be said of views seen at several exposures."""
+    for view in brackets(frames):
+        alike = [s for s in view if s.bins == view[0].bins]
+        for plane in view[0].signals:
+            found = departures([(s.exposure.seconds or Fraction(1), s.signals[plane]) for s in alike])
+            files = ", ".join(s.frame.file for s in alike)
+            yield from complaints(found, f"{files}, {plane.channel}")
 
 
 def _check_planes(capture: Capture, means: Mapping[Path, FrameMeans]) -> None:

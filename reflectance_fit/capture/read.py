@@ -19,7 +19,7 @@ from reflectance_fit.capture.frames import (
     SphereSought,
     Stated,
 )
-from reflectance_fit.capture.manifest import Ball, FrameEntry, Manifest, read_manifest
+from reflectance_fit.capture.manifest import Ball, Camera, FrameEntry, Manifest, read_manifest
 from reflectance_fit.capture.reading import Reading
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.inputs import existing, sha256_of
@@ -52,7 +52,7 @@ def read_capture(path: str | Path) -> Capture:
         sample_name=manifest.sample.name,
         sample_note=manifest.sample.note or None,
         exterior_ior=manifest.exterior_ior,
-        reading=Reading(camera.sensor, camera.dofp_layout_deg),
+        reading=_reading(camera),
         channels={name: Channel(band.wavelength_nm, band.fwhm_nm) for name, band in camera.channels.items()},
         noise=noise,
         focal_length_px=camera.focal_length_px,
@@ -70,6 +70,22 @@ def read_capture(path: str | Path) -> Capture:
         priors=manifest.priors.by_name(),
         inputs=((path.name, sha256_of(path)),),
         document=document,
+    )
+
+
+def _reading(camera: Camera) -> Reading:
+    filters = ("R", "G", "B") if camera.sensor in ("bayer", "dofp_bayer") else ("mono",)
+
+    def levels(stated: float | dict[str, float] | None) -> dict[str, float] | None:
+        return stated if stated is None or isinstance(stated, dict) else dict.fromkeys(filters, stated)
+
+    return Reading(
+        sensor=camera.sensor,
+        layout_deg=camera.dofp_layout_deg,
+        encoding=camera.encoding,
+        pattern=camera.pattern or "RGGB",
+        black_dn=levels(camera.black_dn),
+        white_dn=levels(camera.white_dn),
     )
 
 

@@ -53,14 +53,16 @@ class FrameMeans:
     ``noise`` maps a channel to (a, b): the variance of a pixel is a * mean + b
     in DN^2, by the file's noise profile; None without one.  ``scatter`` maps a
     plane to its mean (DN above black) and the variance between neighbouring
-    pixels, both over the middle half of the sensor.  ``sha256`` is the file's,
-    "" of a frame that comes from none.
+    pixels, both over the middle half of the sensor.  ``clip`` maps a plane to
+    what counts as clipped, DN above black.  ``sha256`` is the file's, "" of a
+    frame that comes from none.
     """
 
     bins: tuple[Bins, ...]
     planes: tuple[dict[Plane, PlaneMeans], ...]
     noise: dict[str, tuple[float, float]] | None
     scatter: dict[Plane, tuple[float, float]]
+    clip: dict[Plane, float]
     sha256: str = ""
 
     def over(self, bins: Bins) -> dict[Plane, PlaneMeans]:
@@ -88,7 +90,10 @@ def reduce_file(
     found = sha256_of(path)
     if stated_sha256 not in (None, found):
         return Changed(found)
-    return replace(reduce_frame(read_frame(path, reading), bins, is_flat, shift, mask), sha256=found)
+    frame = read_frame(path, reading)
+    # That frames differ in size is told by the capture as a whole.
+    fitting = mask if mask is not None and mask.shape == frame.cfa.shape else None
+    return replace(reduce_frame(frame, bins, is_flat, shift, fitting), sha256=found)
 
 
 def reduce_frame(
@@ -116,7 +121,10 @@ def reduce_frame(
         {plane: _plane(frame, plane, which, is_flat, shift, mask) for plane in frame.planes()}
         for which in bins
     )
-    return FrameMeans(bins, planes, noise, {plane: _scatter(frame, plane) for plane in frame.planes()})
+    scatter = {plane: _scatter(frame, plane) for plane in frame.planes()}
+    above = frame.clip - frame.black
+    clip = {plane: min(float(above[site]) for site in frame.sites(plane)) for plane in frame.planes()}
+    return FrameMeans(bins, planes, noise, scatter, clip)
 
 
 def _scatter(frame: RawFrame, plane: Plane) -> tuple[float, float]:
