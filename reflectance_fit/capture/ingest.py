@@ -14,10 +14,11 @@ from reflectance_fit.capture.balance import check_balance
 from reflectance_fit.capture.bins import Bins, Mask
 from reflectance_fit.capture.brackets import brackets, merged
 from reflectance_fit.capture.calibrate import Calibrated, calibrate
-from reflectance_fit.capture.frames import Capture, Exposure, Frame, Sphere, Stated, darks_for, flats_for
+from reflectance_fit.capture.frames import Ball, Capture, Exposure, Frame, Sphere, darks_for, flats_for
 from reflectance_fit.capture.geometry import bins_of
 from reflectance_fit.capture.hot import find_hot
 from reflectance_fit.capture.linearity import complaints, departures
+from reflectance_fit.capture.locate import locate
 from reflectance_fit.capture.noise_frames import compare_files, pairs_of, transfer_of
 from reflectance_fit.capture.observe import angle_rows, flat_rows
 from reflectance_fit.capture.polarizer_frames import with_polarizer
@@ -63,13 +64,14 @@ def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
     """
     settings = read_settings(capture)
     check_references(capture)
+    capture, rejected = locate(capture, progress)
     capture, first = _first_looks(capture, settings, progress)
-    jobs = _jobs(capture, settings, capture.role("sample"))
+    jobs = _jobs(capture, settings, [f for f in capture.role("sample") if f.file not in rejected])
     means, errors, hashes = _decode(capture, jobs, progress)
     errors = first.errors | errors
     hashes |= {frame.path: sha256_of(frame.path) for frame in capture.frames if frame.path not in hashes}
     check_hashes(capture, hashes)
-    rejected = {frame.file: errors[frame.path] for frame in capture.frames if frame.path in errors}
+    rejected |= {frame.file: errors[frame.path] for frame in capture.frames if frame.path in errors}
     _check_planes(capture, means)
     _check_sizes(capture, settings, means, capture.role("sample"))
     unused_bits = _unused_bits(capture, means)
@@ -89,7 +91,7 @@ def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
     if not samples:
         problems = [Problem(str(capture.path), None, f"{file} {reason}") for file, reason in rejected.items()]
         raise ReflectanceFitError(problems)
-    rows_of = flat_rows if isinstance(capture.geometry, Stated) else angle_rows
+    rows_of = angle_rows if isinstance(capture.geometry, Sphere | Ball) else flat_rows
     views = merged(samples)
     observations = rows_of(capture, views)
     stated = capture.nuisances
@@ -120,8 +122,9 @@ def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
         inputs=(*capture.inputs, *((frame.file, hashes[frame.path]) for frame in capture.frames)),
         sample_note=capture.sample_note,
     )
-    used = set(jobs) | first.used
-    unused = frozenset(frame.file for frame in capture.frames if frame.path not in used)
+    # Frames of role geometry have served when they were not rejected.
+    used = set(jobs) | first.used | {frame.path for frame in capture.role("geometry")}
+    unused = frozenset(f.file for f in capture.frames if f.path not in used and f.file not in rejected)
     told = (*first.told, *unused_bits)
     return Ingested(capture, measurement, tuple(samples), rejected, unused, settings, told)
 
@@ -334,7 +337,7 @@ def _check_sizes(
         others = {one.path: one for one in _served_by(capture, frame, settings) if one is not frame}
         own = [plane.pixels for plane in means[frame.path].over(bins).values()]
         if not sum(int(pixels.sum()) for pixels in own):
-            what = "ball" if isinstance(capture.geometry, Sphere) else "region"
+            what = "ball" if isinstance(capture.geometry, Sphere | Ball) else "region"
             message = f"{frame.file} does not show the {what}: it is outside the picture; correct it"
             problems.append(Problem(str(capture.path), frame.line, message))
         for other in others.values():
