@@ -94,6 +94,10 @@ def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
     observations = rows_of(capture, views)
     stated = capture.nuisances
     notes = [Note("ROWS_IGNORED", f"{file} {reason}") for file, reason in rejected.items()]
+    white = [
+        _flat_alone(capture, flat, settings, means) for flat in capture.role("flat") if flat.path in means
+    ]
+    notes += [Note("NOT_LINEAR", text) for text in _nonlinear([*samples, *white])]
     notes += check_balance(capture, views)
     notes += check_cells(capture, means)
     if not all(
@@ -102,10 +106,6 @@ def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
         message = "sigma is from how neighbouring pixels of the flats differ, their own differences included"
         if capture.role("flat"):
             notes.append(Note("SIGMA_ESTIMATED", f"{message}; take the flats and a dark in pairs"))
-    white = [
-        _flat_alone(capture, flat, settings, means) for flat in capture.role("flat") if flat.path in means
-    ]
-    notes += [Note("NOT_LINEAR", text) for text in _nonlinear([*samples, *white])]
     if any(frame.sha256 is None for frame in capture.frames):
         notes.append(
             Note("NO_HASHES", "a damaged photograph can pass unnoticed; ingest --write-hashes states them")

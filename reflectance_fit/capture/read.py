@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 from reflectance_fit.capture.checks import check_supported, contradictions
@@ -42,7 +41,7 @@ def read_capture(path: str | Path) -> Capture:
         sample_name=manifest.sample.name,
         sample_note=manifest.sample.note or None,
         exterior_ior=manifest.exterior_ior,
-        reading=replace(_reading(camera), offset_map=maps.get("offset_map"), gain_map=maps.get("gain_map")),
+        reading=_reading(camera, maps),
         channels={name: Channel(band.wavelength_nm, band.fwhm_nm) for name, band in camera.channels.items()},
         noise=noise,
         transfer={},
@@ -67,7 +66,7 @@ def read_capture(path: str | Path) -> Capture:
     )
 
 
-def _reading(camera: Camera) -> Reading:
+def _reading(camera: Camera, maps: dict[str, Path]) -> Reading:
     filters = ("R", "G", "B") if camera.sensor in ("bayer", "dofp_bayer") else ("mono",)
 
     def levels(stated: float | dict[str, float] | None) -> dict[str, float] | None:
@@ -80,6 +79,8 @@ def _reading(camera: Camera) -> Reading:
         pattern=camera.pattern or "RGGB",
         black_dn=levels(camera.black_dn),
         white_dn=levels(camera.white_dn),
+        offset_map=maps.get("offset_map"),
+        gain_map=maps.get("gain_map"),
     )
 
 

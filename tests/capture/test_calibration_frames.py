@@ -111,7 +111,7 @@ def test_noise_comes_from_pairs_of_flats_and_darks(folder):
     assert codes(found) == []
     assert found.unused == frozenset()
     (line,) = found.told
-    assert line.startswith(f"550: gain {noise.gain_e_per_dn:.4g} electrons a DN")
+    assert line.startswith(f"550: gain {noise.gain_e_per_dn:.4g} electrons")
     (row,) = found.measurement.observations.value[None]
     dn = row[0]
     pixels = 160 * 120
