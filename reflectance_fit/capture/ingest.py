@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from reflectance_fit.capture.balance import check_balance
+from reflectance_fit.capture.balance import check_balance, check_cells
 from reflectance_fit.capture.bins import Bins, Mask
 from reflectance_fit.capture.brackets import brackets, merged
-from reflectance_fit.capture.calibrate import Calibrated, calibrate
+from reflectance_fit.capture.calibrate import Calibrated, calibrate, pixel_noise
 from reflectance_fit.capture.frames import Ball, Capture, Exposure, Frame, Sphere, darks_for, flats_for
 from reflectance_fit.capture.geometry import bins_of
 from reflectance_fit.capture.hot import find_hot
@@ -96,17 +96,18 @@ def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
     observations = rows_of(capture, views)
     stated = capture.nuisances
     notes = [Note("ROWS_IGNORED", f"{file} {reason}") for file, reason in rejected.items()]
+    white = [
+        _flat_alone(capture, flat, settings, means) for flat in capture.role("flat") if flat.path in means
+    ]
+    notes += [Note("NOT_LINEAR", text) for text in _nonlinear([*samples, *white])]
     notes += check_balance(capture, views)
+    notes += check_cells(capture, means)
     if not all(
         _knows_noise(capture, means[s.frame.path], plane.channel) for s in samples for plane in s.signals
     ):
         message = "sigma is from how neighbouring pixels of the flats differ, their own differences included"
         if capture.role("flat"):
             notes.append(Note("SIGMA_ESTIMATED", f"{message}; take the flats and a dark in pairs"))
-    white = [
-        _flat_alone(capture, flat, settings, means) for flat in capture.role("flat") if flat.path in means
-    ]
-    notes += [Note("NOT_LINEAR", text) for text in _nonlinear([*samples, *white])]
     if any(frame.sha256 is None for frame in capture.frames):
         notes.append(
             Note("NO_HASHES", "a damaged photograph can pass unnoticed; ingest --write-hashes states them")
@@ -207,7 +208,8 @@ def _decode(
         def work() -> Iterator[Job[FrameMeans | Changed]]:
             for path in left:
                 frame = frames[path]
-                args = capture.reading, frame.sha256, jobs[path], frame.role == "flat", None, mask
+                noise = pixel_noise(capture, frame) if frame.role == "sample" else None
+                args = capture.reading, frame.sha256, jobs[path], frame.role == "flat", None, mask, noise
                 yield path, reduce_file, args
 
         for done, (path, answer) in enumerate(zip(left, workers.map(work()), strict=True), 1):
@@ -276,7 +278,8 @@ def _calibrated(
 
 
 def _knows_noise(capture: Capture, means: FrameMeans, channel: str) -> bool:
-    return capture.noise is not None or means.noise is not None or channel in capture.transfer
+    told = set(means.noise or ()) | set(capture.transfer)
+    return capture.noise is not None or channel in told or "mono" in told
 
 
 def _unused_bits(capture: Capture, means: Mapping[Path, FrameMeans]) -> list[str]:
