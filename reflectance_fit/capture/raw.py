@@ -18,7 +18,8 @@ import numpy as np
 import rawpy
 from numpy.typing import NDArray
 
-from reflectance_fit.capture.tiff import RawTags, check_structure, read_tags
+from reflectance_fit.capture.structure import check_structure
+from reflectance_fit.capture.tiff import RawTags, read_tags
 from reflectance_fit.errors import Problem, ReflectanceFitError
 
 # The first without the memory errors published in 2026 (CVE-2026-21413 and others).

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from reflectance_fit.capture.frames import Capture, Exposure, Frame
-from reflectance_fit.capture.tiff import check_structure, read_tags
+from reflectance_fit.capture.structure import check_structure
+from reflectance_fit.capture.tiff import read_tags
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.inputs import sha256_of
 

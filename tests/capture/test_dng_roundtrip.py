@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reflectance_fit.capture.raw import decode
-from reflectance_fit.capture.tiff import check_structure, read_tags
+from reflectance_fit.capture.structure import check_structure
+from reflectance_fit.capture.tiff import read_tags
 from reflectance_fit.data_synthetic.dng import DngMetadata, write_dng
 
 CELLS = {

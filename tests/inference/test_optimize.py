@@ -49,6 +49,24 @@ def test_nan_is_counted_and_the_best_finite_point_wins():
     assert nowhere.objective == np.inf
 
 
+def test_no_point_beyond_a_bound_is_tried_however_steps_are_scaled():
+    """nlopt's BOBYQA comes back from scaled coordinates to 20 + 4e-15, and then refuses it as its next start."""
+    ranges = np.array([[-3.0, 2.3], [0.0, 20.0]])
+    generator = np.random.default_rng(5)
+    beyond = 0
+    for step in generator.uniform(0.01, 0.5, (40, 2)):
+
+        def rising_to_the_bound(x):
+            nonlocal beyond
+            beyond += int(np.any((x < ranges[:, 0]) | (x > ranges[:, 1])))
+            return float((x[0] - 0.3) ** 2 - x[1])
+
+        found = optimize.minimise(rising_to_the_bound, np.array([0.0, 19.0]), ranges, step)
+        assert found.x == pytest.approx([0.3, 20.0], abs=1e-4)
+        assert found.converged
+    assert beyond == 0
+
+
 def test_grid_minima_are_all_and_only_the_local_ones():
     x = np.linspace(0, 4 * np.pi, 400)
     values = np.cos(x) + 0.01 * x

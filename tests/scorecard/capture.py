@@ -25,8 +25,9 @@ from reflectance_fit.capture.read import read_capture
 from reflectance_fit.capture.workers import Job
 from reflectance_fit.data_synthetic.capture import write_capture
 from reflectance_fit.data_synthetic.dng import DngMetadata, write_dng
+from reflectance_fit.data_synthetic.rig import Setting
 from reflectance_fit.data_synthetic.sensor import Pattern
-from reflectance_fit.data_synthetic.spec import CaptureSpec, Setting, Shape, standard_spec
+from reflectance_fit.data_synthetic.spec import CaptureSpec, Shape, standard_spec
 from reflectance_fit.inference import posterior
 from reflectance_fit.inference.run import fit_channel
 from reflectance_fit.materials.loader import AIR_INDEX
@@ -43,6 +44,7 @@ FIT_SENSOR, FLAT_SENSOR = (400, 300), (100, 76)  # pixels, width and height
 MIN_ESS, BLOCK, WALKERS = 1000.0, 75, 32
 # Repeats of (flat, sphere) captures: with them a variance is known to 2 % or better.
 REPEATS = {"flat": 20, "sphere": 30}
+SHAPES: tuple[Shape, ...] = ("flat", "sphere")
 QUANTITIES = ("eta", "k", "brewster_deg")
 CHANNEL = "G"
 LEVEL, BAND = 0.95, 0.99
@@ -194,7 +196,7 @@ def _signals(spec: CaptureSpec) -> tuple[FloatArray, FloatArray]:
 
 def _recovery(pool: ProcessPoolExecutor, seeds: int) -> Iterator[Figure]:
     """Errors and intervals of whole fits, frames to eta, k and Brewster's angle."""
-    kinds = [(family, shape) for family in FAMILIES for shape in get_args(Shape)]
+    kinds = [(family, shape) for family in FAMILIES for shape in SHAPES]
     jobs = {kind: [pool.submit(_fit, *kind, seed) for seed in range(seeds)] for kind in kinds}
     converged = 0
     for (family, shape), fits in jobs.items():
