@@ -44,8 +44,8 @@ class ViewMaps:
 
     ``left``, ``top`` and ``pitch`` say where the cells are in sensor pixels.
     ``theta`` is the angle of incidence in radians, shape (h, w) or a single
-    number; NaN outside the sample.  ``masked`` maps a reason to the cells
-    left out for it.
+    number; ``inside`` are the sample's cells.  ``masked`` maps a reason to the
+    cells of them that are left out for it.
     """
 
     name: str
@@ -55,6 +55,7 @@ class ViewMaps:
     pitch: int
     stokes: StokesMaps
     theta: FloatArray
+    inside: BoolArray
     masked: dict[str, BoolArray]
 
 

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -53,6 +54,46 @@ class CellGrid:
         return Mask(shape, bits)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class CellPicture:
+    """A frame over cells.
+
+    ``means`` are DN above black, float32 of shape (planes, rows, columns):
+    infinite where a pixel of the cell is clipped, NaN where the cell leaves
+    the picture.  ``shape`` is the sensor's, (h, w).
+    """
+
+    planes: tuple[Plane, ...]
+    grid: CellGrid
+    shape: tuple[int, int]
+    means: Picture
+
+    def save(self, path: Path) -> None:
+        """Write to ``path``: pictures of many frames must not pile up in memory."""
+        np.savez(
+            path,
+            channels=np.array([plane.channel for plane in self.planes]),
+            axes_deg=np.array(
+                [np.nan if plane.axis_deg is None else plane.axis_deg for plane in self.planes]
+            ),
+            grid=np.array(astuple(self.grid)),
+            shape=np.array(self.shape),
+            means=self.means,
+        )
+
+    @classmethod
+    def load(cls, path: Path) -> CellPicture:
+        """Read what ``save`` wrote."""
+        with np.load(path) as file:
+            channels, axes = file["channels"].tolist(), file["axes_deg"].tolist()
+            planes = tuple(
+                Plane(channel, None if math.isnan(axis) else axis)
+                for channel, axis in zip(channels, axes, strict=True)
+            )
+            height, width = file["shape"].tolist()
+            return cls(planes, CellGrid(*file["grid"].tolist()), (height, width), file["means"])
+
+
 def box_over(bins: Iterable[Bins]) -> Box:
     """Rows and columns that hold all of ``bins``."""
     boxes = [one.box() for one in bins]
@@ -73,26 +114,23 @@ def grid_over(box: Box, shape: tuple[int, int], n: int) -> CellGrid:
     return CellGrid(left, top, pitch, height // pitch, width // pitch)
 
 
-def cell_means(
-    frame: RawFrame, box: Box, shift: Shift | None = None
-) -> tuple[tuple[Plane, ...], CellGrid, Picture]:
-    """The planes, the cells, and the means over them in DN above black, float32 of shape (planes, rows, columns).
+def cell_means(frame: RawFrame, box: Box, shift: Shift | None = None) -> CellPicture:
+    """The means over the cells of ``box``.
 
-    A mean is infinite where a pixel of its cell is clipped.  With ``shift``
-    the cells are those of the view's first frame, moved by whole patterns.
+    With ``shift`` the cells are those of the view's first frame, moved by whole patterns.
     """
     n = len(frame.channels)
-    grid = grid_over(box, (frame.cfa.shape[0], frame.cfa.shape[1]), n)
-    right, down = _whole(shift, grid, n)
+    shape = (frame.cfa.shape[0], frame.cfa.shape[1])
+    grid = grid_over(box, shape, n)
+    moved = _whole(shift, grid, n)
     planes = frame.planes()
     means = np.full((len(planes), grid.rows, grid.columns), np.nan, dtype=np.float32)
-    if not means.size:
-        return planes, grid, means
-    bright = bool(np.any(frame.cfa.max() >= frame.clip))
-    for plane, mean in zip(planes, means, strict=True):
-        sites = [_site(frame, grid, (y, x), (right, down), clipped=bright) for y, x in frame.sites(plane)]
-        mean[...] = sum(sites[1:], sites[0]) / len(sites)
-    return planes, grid, means
+    if means.size:
+        clipped = bool(np.any(frame.cfa.max() >= frame.clip))
+        for plane, mean in zip(planes, means, strict=True):
+            sites = [_site(frame, grid, site, moved, clipped=clipped) for site in frame.sites(plane)]
+            mean[...] = sum(sites[1:], sites[0]) / len(sites)
+    return CellPicture(planes, grid, shape, means)
 
 
 def _whole(shift: Shift | None, grid: CellGrid, n: int) -> tuple[int, int]:

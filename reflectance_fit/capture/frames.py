@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from reflectance_fit.capture.manifest import Role
+from reflectance_fit.capture.manifest import Registration, Role
 from reflectance_fit.capture.reading import Reading
 from reflectance_fit.priors import Prior
 from reflectance_fit.strict_yaml import Document
@@ -121,6 +121,7 @@ class Capture:
     geometry: Stated | Sphere
     light_shape: str
     light_uniform: bool
+    registration: Registration
     frames: tuple[Frame, ...]
     nuisances: dict[str, float | None] | None
     priors: dict[str, Prior]

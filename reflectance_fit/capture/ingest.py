@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from reflectance_fit.capture.bins import Bins
+from reflectance_fit.capture.align import align
+from reflectance_fit.capture.bins import Bins, Mask, Shift
 from reflectance_fit.capture.calibrate import Calibrated, calibrate
+from reflectance_fit.capture.cells import box_over
 from reflectance_fit.capture.frames import Capture, Exposure, Frame, Sphere, Stated, darks_for, flats_for
 from reflectance_fit.capture.geometry import bins_of
 from reflectance_fit.capture.observe import angle_rows, flat_rows
 from reflectance_fit.capture.reduce import Changed, FrameMeans, reduce_file
 from reflectance_fit.capture.settings import check_hashes, read_settings
+from reflectance_fit.capture.survey import survey, views_of
 from reflectance_fit.capture.workers import FrameError, Job, RawWorkers
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.inputs import sha256_of
 from reflectance_fit.measured import Measurement, Note
 from reflectance_fit.nuisances import nuisance_sigmas
+from reflectance_fit.views import ViewMaps
 
 Progress = Callable[[str, int, int], None]
 
@@ -41,20 +46,37 @@ class Ingested:
     settings: dict[Path, Exposure]
 
 
-def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
+def ingest(
+    capture: Capture, *, progress: Progress | None = None, seen: Callable[[ViewMaps], None] | None = None
+) -> Ingested:
     """Decode, reduce and calibrate every frame of ``capture``.
 
-    ``progress`` is called with (what, frames done, frames in all).  Raises
+    ``progress`` is called with (what, frames done, frames in all), ``seen``
+    with what each view shows.  Raises
     ReflectanceFitError for hashes that do not match, unknown exposures, mixed
     ISO, files that are no raw photographs, and captures of which nothing is
     left.  A file that kills its decoder costs that frame and a warning.
     """
     settings = read_settings(capture)
     jobs = _jobs(capture, settings)
-    means, errors, hashes = _decode(capture, jobs, progress)
+    shifts, lost = _shifts(capture, progress)
+    jobs = {path: bins for path, bins in jobs.items() if path not in lost}
+    with tempfile.TemporaryDirectory() as folder:
+        cells = {path: Path(folder) / f"{number}.npz" for number, path in enumerate(jobs)}
+        means, errors, hashes = _decode(capture, jobs, progress, shifts, cells)
+        shown = {path: cells[path] for path in means}
+        looked = survey(
+            capture, settings, shown, [f for f in capture.role("sample") if f.path in means], seen
+        )
+    if looked.mask:
+        means, _, _ = _decode(
+            capture, {path: jobs[path] for path in means}, progress, shifts, mask=looked.mask
+        )
+    errors |= lost
     hashes |= {frame.path: sha256_of(frame.path) for frame in capture.frames if frame.path not in hashes}
     check_hashes(capture, hashes)
     rejected = {frame.file: errors[frame.path] for frame in capture.frames if frame.path in errors}
+    rejected |= looked.rejected
     _check_planes(capture, means)
     _check_sizes(capture, settings, means)
     for frame in capture.role("sample"):
@@ -73,6 +95,7 @@ def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
     observations = (flat_rows if isinstance(capture.geometry, Stated) else angle_rows)(capture, samples)
     stated = capture.nuisances
     notes = [Note("ROWS_IGNORED", f"{file} {reason}") for file, reason in rejected.items()]
+    notes += looked.notes
     if any(frame.sha256 is None for frame in capture.frames):
         notes.append(
             Note("NO_HASHES", "a damaged photograph can pass unnoticed; ingest --write-hashes states them")
@@ -103,19 +126,39 @@ def _jobs(capture: Capture, settings: Mapping[Path, Exposure]) -> dict[Path, tup
     return {path: tuple(bins) for path, bins in wanted.items()}
 
 
+def _shifts(capture: Capture, progress: Progress | None) -> tuple[dict[Path, Shift], dict[Path, str]]:
+    """By frame its shift against the first of its view, and why others do not register."""
+    if capture.registration == "none":
+        return {}, {}
+    views = [[frame.path for frame in view] for view in views_of(capture, capture.role("sample"))]
+    return align(views, capture.reading, capture.registration, progress)
+
+
 def _decode(
-    capture: Capture, jobs: Mapping[Path, tuple[Bins, ...]], progress: Progress | None
+    capture: Capture,
+    jobs: Mapping[Path, tuple[Bins, ...]],
+    progress: Progress | None,
+    shifts: Mapping[Path, Shift],
+    cells: Mapping[Path, Path] | None = None,
+    mask: Mask | None = None,
 ) -> tuple[dict[Path, FrameMeans], dict[Path, str], dict[Path, str]]:
-    """Each file's means, why the others have none, and the sha256 of those that a worker read."""
+    """Each file's means, why the others have none, and the sha256 of those that a worker read.
+
+    ``cells`` are the files that their pictures over cells are written to.
+    """
     means: dict[Path, FrameMeans] = {}
     errors: dict[Path, str] = {}
     hashes: dict[Path, str] = {}
     frames = {frame.path: frame for frame in capture.frames}
+    box = box_over(one for bins in jobs.values() for one in bins)
 
     def work() -> Iterator[Job[FrameMeans | Changed]]:
         for path, bins in jobs.items():
             frame = frames[path]
-            yield path, reduce_file, (capture.reading, frame.sha256, bins, frame.role == "flat")
+            picture = (box, cells[path]) if cells else None
+            is_flat = frame.role == "flat"
+            args = capture.reading, frame.sha256, bins, is_flat, shifts.get(path), mask, picture
+            yield path, reduce_file, args
 
     with RawWorkers() as workers:
         for done, (path, answer) in enumerate(zip(jobs, workers.map(work()), strict=True), 1):

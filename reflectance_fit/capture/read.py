@@ -7,7 +7,7 @@ from pathlib import Path
 
 from reflectance_fit.capture.checks import check_supported, contradictions
 from reflectance_fit.capture.frames import Capture, Channel, Exposure, Frame, Noise, Sphere, Stated
-from reflectance_fit.capture.manifest import Ball, FrameEntry, Manifest, read_manifest
+from reflectance_fit.capture.manifest import Ball, FrameEntry, Manifest, Registration, read_manifest
 from reflectance_fit.capture.reading import Reading
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.inputs import existing, sha256_of
@@ -49,6 +49,7 @@ def read_capture(path: str | Path) -> Capture:
         geometry=_geometry(manifest),
         light_shape=manifest.light.shape,
         light_uniform=manifest.light.uniform,
+        registration=_registration(manifest),
         frames=tuple(
             _frame(manifest, entry, where, document.line(("frames", i)) or 0)
             for i, (entry, where) in enumerate(zip(manifest.frames, paths, strict=True))
@@ -91,6 +92,11 @@ def _geometry(manifest: Manifest) -> Stated | Sphere:
         x, y = geometry.sphere.center_px
         return Sphere((x, y), geometry.sphere.radius_px)
     return Stated(_or_nan(geometry.s_axis_deg))
+
+
+def _registration(manifest: Manifest) -> Registration:
+    """What is stated; else a board is registered, and what may have no texture to hold on to is not."""
+    return manifest.registration or ("translation" if manifest.geometry.kind == "charuco" else "none")
 
 
 def _frame(manifest: Manifest, entry: FrameEntry, path: Path, line: int) -> Frame:

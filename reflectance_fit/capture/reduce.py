@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.capture.bins import AngleBins, Bins, Mask, Region, Shift
+from reflectance_fit.capture.bins import AngleBins, Bins, Box, Mask, Region, Shift
+from reflectance_fit.capture.cells import cell_means
 from reflectance_fit.capture.raw import Plane, RawFrame
 from reflectance_fit.capture.reading import Reading, read_frame
 from reflectance_fit.inputs import sha256_of
@@ -83,12 +84,19 @@ def reduce_file(
     is_flat: bool = False,
     shift: Shift | None = None,
     mask: Mask | None = None,
+    cells: tuple[Box, Path] | None = None,
 ) -> FrameMeans | Changed:
-    """Check, decode and reduce one file; ReflectanceFitError for what cannot be read."""
+    """Check, decode and reduce one file; ReflectanceFitError for what cannot be read.
+
+    ``cells`` are rows and columns to be seen as a CellPicture, and the file to write that to.
+    """
     found = sha256_of(path)
     if stated_sha256 not in (None, found):
         return Changed(found)
-    return replace(reduce_frame(read_frame(path, reading), bins, is_flat, shift, mask), sha256=found)
+    frame = read_frame(path, reading)
+    if cells is not None:
+        cell_means(frame, cells[0], shift).save(cells[1])
+    return replace(reduce_frame(frame, bins, is_flat, shift, mask), sha256=found)
 
 
 def reduce_frame(

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from reflectance_fit.capture.bins import Mask, Region, Shift
-from reflectance_fit.capture.cells import MOST_CELLS, box_over, cell_means, grid_over
+from reflectance_fit.capture.cells import MOST_CELLS, CellPicture, box_over, cell_means, grid_over
 from reflectance_fit.capture.raw import Plane, RawFrame
 
 RGGB = np.array([["R", "G"], ["G", "B"]])
@@ -56,10 +56,10 @@ def test_cells_are_the_means_of_a_loop_over_pixels(box, moved, quad):
     one = frame(48, 64, channels=channels)
     x0, y0, width, height = box
     shift = Shift(offset=(n * moved[0] + 0.4, n * moved[1] - 0.3))
-    planes, grid, means = cell_means(one, Region(x0, y0, x0 + width, y0 + height).box(), shift)
-    assert planes == (Plane("R"), Plane("G"), Plane("B"))
-    for plane, mean in zip(planes, means, strict=True):
-        wanted = literal(one, grid, plane, (n * moved[0], n * moved[1]))
+    cells = cell_means(one, Region(x0, y0, x0 + width, y0 + height).box(), shift)
+    assert cells.planes == (Plane("R"), Plane("G"), Plane("B"))
+    for plane, mean in zip(cells.planes, cells.means, strict=True):
+        wanted = literal(one, cells.grid, plane, (n * moved[0], n * moved[1]))
         np.testing.assert_allclose(mean, wanted, rtol=1e-5)
 
 
@@ -78,8 +78,19 @@ def test_a_clipped_pixel_makes_its_cell_infinite():
     one = frame(32, 32)
     one = replace(one, white=np.full((2, 2), 20000.0))
     one.cfa[8, 12] = 19990  # red
-    planes, _, means = cell_means(one, Region(0, 0, 32, 32).box())
-    assert {(planes[p].channel, y, x) for p, y, x in np.argwhere(np.isinf(means))} == {("R", 4, 6)}
+    cells = cell_means(one, Region(0, 0, 32, 32).box())
+    assert {(cells.planes[p].channel, y, x) for p, y, x in np.argwhere(np.isinf(cells.means))} == {
+        ("R", 4, 6)
+    }
+
+
+def test_what_is_saved_is_loaded(tmp_path):
+    cells = cell_means(frame(32, 40), Region(3, 5, 30, 29).box())
+    cells = replace(cells, planes=(Plane("R", 45.0), Plane("G"), Plane("B", 0.0)))
+    cells.save(tmp_path / "one.npz")
+    loaded = CellPicture.load(tmp_path / "one.npz")
+    assert (loaded.planes, loaded.grid, loaded.shape) == (cells.planes, cells.grid, (32, 40))
+    np.testing.assert_array_equal(loaded.means, cells.means)
 
 
 def test_a_mask_of_cells_is_their_pixels():
