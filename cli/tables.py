@@ -109,7 +109,7 @@ def print_frames(ingested: Ingested, out: Path) -> None:
             frame.role,
             _number(frame.theta_deg),
             _number(frame.analyzer_deg),
-            f"{seconds:.4g}",
+            f"{float(seconds):.4g}" if seconds else "-",
             pixels,
             clipped,
             *signals,

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterable, Iterator
+from copy import deepcopy
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain
@@ -112,7 +113,8 @@ def _samples(spec: CaptureSpec, view: View) -> Iterator[_Shot]:
         largest = np.max(seen, axis=0)
         seen = [radiance + spec.faults.diffuse / (1.0 - spec.faults.diffuse) * largest for radiance in seen]
     for setting, radiance in zip(spec.settings, seen, strict=True):
-        entry = {"role": "sample"} | view.stated
+        # A copy, or YAML would write the region of the first frame alone and point to it.
+        entry = {"role": "sample"} | deepcopy(view.stated)
         for name in ("analyzer_deg", "retarder_deg"):
             if (angle := getattr(setting, name)) is not None:
                 entry[name] = plain(angle)

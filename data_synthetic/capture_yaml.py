@@ -11,7 +11,6 @@ from reflectance_fit.materials.loader import AIR_INDEX
 from reflectance_fit.physics.brewster import brewster_angle
 
 from .arrangement import View, ball, region
-from .rig import STATED_DIATTENUATION
 from .spec import CaptureSpec
 
 
@@ -22,7 +21,7 @@ def manifest(spec: CaptureSpec, entries: list[dict[str, Any]]) -> dict[str, Any]
         "sample": {"name": f"{spec.material} (synthetic)"},
         "exterior_ior": AIR_INDEX,
         "camera": _camera(spec),
-        "polarizer": {"diattenuation": STATED_DIATTENUATION},
+        "polarizer": {"diattenuation": spec.stated_diattenuation},
     }
     if any(setting.retarder_deg is not None for setting in spec.settings):
         data["retarder"] = {"retardance_deg": {c.name: plain(c.retardance_deg) for c in spec.channels}}

@@ -59,7 +59,12 @@ class BoardScene:
         rays = self.camera.rays(x, y)
         part = self._part(rays)
         stokes = np.zeros((*np.shape(eta), *part.shape, 4))
-        stokes[..., 0] = np.array([self.stray, INK, PAPER, 0.0])[part]
+        scattered = np.array([self.stray, INK, PAPER, 0.0])[part]
+        stokes[..., 0] = scattered
+        if self.board.sheen:
+            turn = 2.0 * np.pi * self._foot(rays)[..., 0] / self.board.size_mm[0]
+            stokes[..., 1] = self.board.sheen * scattered * np.cos(turn)
+            stokes[..., 2] = self.board.sheen * scattered * np.sin(turn)
         on = part == _SAMPLE
         cosine, s_axis = self._incidence(rays[on])
         stokes[..., on, :] = mirrored(cosine, s_axis, self.light, eta, k)
@@ -78,24 +83,26 @@ class BoardScene:
         inwards = self.rotation[:, 2]
         return rays @ inwards, picture_angle(rays, np.cross(rays, inwards))
 
+    def _foot(self, rays: Floats, height: float = 0.0) -> Floats:
+        """Where rays meet the plane at this height above the board, in the board's frame."""
+        camera, along = -self.rotation.T @ self.shift_mm, rays @ self.rotation
+        return np.asarray(camera + along * ((-height - camera[2]) / along[..., 2])[..., None])
+
     def _part(self, rays: Floats) -> NDArray[np.intp]:
         """What the rays meet."""
-        camera, along = -self.rotation.T @ self.shift_mm, rays @ self.rotation
-
-        def within(box: tuple[float, float, float, float], height: float) -> NDArray[np.bool_]:
-            point = camera + along * ((-height - camera[2]) / along[..., 2])[..., None]
-            x0, y0, x1, y1 = box
-            px, py = point[..., 0], point[..., 1]
-            return np.asarray((px >= x0) & (px < x1) & (py >= y0) & (py < y1))
-
-        foot = camera + along * (-camera[2] / along[..., 2])[..., None]
+        foot, top = self._foot(rays), self._foot(rays, self.board.sample_offset_mm)
         across, down = self.board.size_mm
+        paper = (-_MARGIN_MM, -_MARGIN_MM, across + _MARGIN_MM, down + _MARGIN_MM)
         part = np.where(self._print.ink(foot[..., 0], foot[..., 1]), _BLACK, _WHITE)
-        paper = within((-_MARGIN_MM, -_MARGIN_MM, across + _MARGIN_MM, down + _MARGIN_MM), 0.0)
-        part[~paper] = _BESIDE
-        part[within(self.board.window, 0.0)] = _BLACK
-        part[within(self.board.window, self.board.sample_offset_mm)] = _SAMPLE
+        part[~_within(foot, paper)] = _BESIDE
+        part[_within(foot, self.board.window)] = _BLACK
+        part[_within(top, self.board.window)] = _SAMPLE
         return part
+
+
+def _within(points: Floats, box: tuple[float, float, float, float]) -> NDArray[np.bool_]:
+    x, y = points[..., 0], points[..., 1]
+    return np.asarray((x >= box[0]) & (x < box[2]) & (y >= box[1]) & (y < box[3]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -104,6 +104,8 @@ class Sensor:
             raise ValueError(
                 f"width and height must be multiples of {self.side}: the cell is {self.side} x {self.side}"
             )
+        if self.kind == "dofp_bayer" and self.pattern != "RGGB":
+            raise ValueError("sensors with polarizers under colour filters are RGGB")
         if not 0 <= min(map(min, self.black)) <= max(map(max, self.black)) < self.white < 2**self.bits:
             raise ValueError("need 0 <= black < white < 2^bits")
 

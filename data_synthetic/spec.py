@@ -12,7 +12,7 @@ from reflectance_fit.errors import ReflectanceFitError
 from reflectance_fit.materials import library
 
 from .picture import Optics
-from .rig import CHANNELS, LIGHTS, MONO_CHANNELS, Channel, Faults, Light, Setting
+from .rig import CHANNELS, LIGHTS, MONO_CHANNELS, STATED_DIATTENUATION, Channel, Faults, Light, Setting
 from .sensor import MONO, Layout, Sensor
 from .target import Board
 
@@ -57,6 +57,7 @@ class CaptureSpec:
     ``flats`` frames of a white, unpolarized target, taken anew at each of
     ``flat_stops`` shorter.  ``geometry_views`` show the board alone in other
     poses.  ``noise_profile`` False keeps the noise out of the files.
+    ``stated_diattenuation`` is what capture.yaml says of the analyzer.
     """
 
     material: str
@@ -80,6 +81,7 @@ class CaptureSpec:
     board: Board = field(default_factory=Board)
     geometry_views: int = 0
     noise_profile: bool = True
+    stated_diattenuation: float = STATED_DIATTENUATION
     files: FileKind = "dng"
 
     def __post_init__(self) -> None:

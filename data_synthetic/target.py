@@ -31,6 +31,9 @@ class Board:
         Height of the sample's surface above the board.
     print_scale : float, float
         True size over stated size, across and down.
+    sheen : float in [0, 1]
+        Degree of linear polarization of what the board scatters; its direction
+        turns by 180 degrees from one side of the squares to the other.
     """
 
     squares: tuple[int, int] = (11, 8)
@@ -40,6 +43,7 @@ class Board:
     window_mm: tuple[float, float] = (40.0, 30.0)
     sample_offset_mm: float = 0.0
     print_scale: tuple[float, float] = (1.0, 1.0)
+    sheen: float = 0.0
 
     def __post_init__(self) -> None:
         if not hasattr(cv2.aruco, self.dictionary):

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from reflectance_fit.capture.bins import Shift
+from reflectance_fit.capture.bins import Box, Shift
 from reflectance_fit.capture.reading import Reading, read_frame
 from reflectance_fit.capture.register import LEAST_CORRELATION, Match, Motion, View, match, view_of
 from reflectance_fit.capture.workers import FrameError, RawWorkers
@@ -17,9 +17,16 @@ Progress = Callable[[str, int, int], None]
 
 
 def align(
-    views: Sequence[Sequence[Path]], reading: Reading, motion: Motion, progress: Progress | None = None
+    views: Sequence[Sequence[Path]],
+    reading: Reading,
+    motion: Motion,
+    samples: Mapping[Path, Box],
+    progress: Progress | None = None,
 ) -> tuple[dict[Path, Shift], dict[Path, str]]:
-    """Shifts of the frames that were found, and why the others are of no use; ``views`` are files by view.
+    """Shifts of the frames that were found, and why the others are of no use.
+
+    ``views`` are files by view, ``samples`` the rows and columns of the sample
+    in the first of each, where that is less than all.
 
     What the first frames show waits on the disk, so memory does not grow with
     the number of views; a frame is compared in the process that decodes it.
@@ -48,7 +55,10 @@ def align(
                 errors[path] = f"cannot be registered, because {first.name} {errors[first]}"
                 told()
         left = [(path, first) for path, first in others if first not in errors]
-        jobs = ((path, find, (reading, firsts[first], pitch[first], motion)) for path, first in left)
+        jobs = (
+            (path, find, (reading, firsts[first], pitch[first], motion, samples.get(first)))
+            for path, first in left
+        )
         for (path, first), found in zip(left, workers.map(jobs), strict=True):
             if isinstance(found, FrameError):
                 errors[path] = found.reason
@@ -70,9 +80,9 @@ def write_view(path: Path, reading: Reading, kept: Path) -> int:
     return view.pitch
 
 
-def find(path: Path, reading: Reading, kept: Path, pitch: int, motion: Motion) -> Match:
+def find(path: Path, reading: Reading, kept: Path, pitch: int, motion: Motion, sample: Box | None) -> Match:
     """Where a frame shows what that of ``kept`` shows; not found if they differ in size.  Runs in a worker."""
     view, first = view_of(read_frame(path, reading)), View(np.load(kept), pitch)
     if first.picture.shape != view.picture.shape:
         return Match(Shift(), 0.0)
-    return match(first, view, motion)
+    return match(first, view, motion, sample)

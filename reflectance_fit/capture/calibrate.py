@@ -31,13 +31,19 @@ TYPICAL_PRNU = 0.005  # where no flat divides it out
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Signals:
-    """One channel of one frame; arrays of shape (bins,)."""
+    """One channel of one frame; arrays of shape (bins,).
+
+    ``unlike`` is that part of the variance which the same pixels repeat in
+    every frame: 0 where it goes into a gain.
+    """
 
     value: FloatArray
     variance: FloatArray
+    unlike: FloatArray
     per_dn: FloatArray
     pixels: NDArray[np.int64]
     saturated: NDArray[np.bool_]
+    rejected: NDArray[np.bool_]
     theta: FloatArray
     theta_squared: FloatArray
     cos_2phi: FloatArray
@@ -96,28 +102,41 @@ def calibrate(
         value, variance = value / seconds, variance / seconds**2
         per_dn = np.full_like(value, 1 / seconds)
         # Where many angles are seen at once each bin has its own pixels: what they differ by is in no gain.
-        unlike = (TYPICAL_PRNU * value) ** 2 / np.maximum(own.pixels, 1)
-        angles = [own]
+        transfer = capture.transfer.get(channel)
+        prnu = TYPICAL_PRNU if transfer is None or math.isnan(transfer.prnu) else transfer.prnu
+        unlike = (prnu * value) ** 2 / np.maximum(own.pixels, 1)
+        angles, saturated = [own], _is_saturated(own)
         if flats:
             angles = [flat[0].over(bins)[plane] for flat in flats]
             levels, noises = zip(*(_flat(flat, bins, plane, noise) for flat in flats), strict=True)
-            level = np.mean(levels, axis=0)
+            clipped = np.stack([_is_saturated(angle) for angle in angles])
+            # Where every flat is clipped there is no level to divide by.
+            dark_enough = ~clipped | clipped.all(axis=0)
+            count = dark_enough.sum(axis=0)
+            level = np.sum(dark_enough * np.stack(levels), axis=0) / count
+            saturated = saturated | clipped.all(axis=0)
             value, variance, per_dn = value / level, variance / level**2, per_dn / level
-            unlike = value**2 * np.sum(noises, axis=0) / (len(flats) * level) ** 2
-        if not isinstance(bins, Region):
-            variance = variance + unlike
+            unlike = value**2 * np.sum(dark_enough * np.stack(noises), axis=0) / (count * level) ** 2
+        if isinstance(bins, Region):
+            unlike = np.zeros_like(value)
         signals[Plane(channel, plane.axis_deg)] = Signals(
             value=value,
-            variance=variance,
+            variance=variance + unlike,
+            unlike=unlike,
             per_dn=per_dn,
             pixels=own.pixels,
-            saturated=own.saturated > SATURATED_SHARE * own.pixels,
+            saturated=saturated,
+            rejected=np.zeros(len(value), dtype=np.bool_),
             theta=np.mean([a.theta for a in angles], axis=0),
             theta_squared=np.mean([a.theta_squared for a in angles], axis=0),
             cos_2phi=np.mean([a.cos_2phi for a in angles], axis=0),
             sin_2phi=np.mean([a.sin_2phi for a in angles], axis=0),
         )
     return Calibrated(frame, exposure, bins, signals)
+
+
+def _is_saturated(means: PlaneMeans) -> NDArray[np.bool_]:
+    return np.asarray(means.saturated > SATURATED_SHARE * means.pixels)
 
 
 def channel_of(frame: Frame, plane: Plane) -> str | None:
@@ -134,12 +153,14 @@ def _noise(
     darks: Sequence[FrameMeans],
     flats: Sequence[FrameMeans],
 ) -> tuple[float, float]:
-    """(a, b) of a pixel's variance a * mean + b, DN^2: the manifest's, the file's, that of the flats, or NaN."""
+    """(a, b) of a pixel's variance a * mean + b, DN^2: the manifest's, the file's, that of pairs or flats, or NaN."""
     if capture.noise is not None:
         noise = capture.noise[channel]
         return 1 / noise.gain_e_per_dn, (noise.read_noise_e / noise.gain_e_per_dn) ** 2 + QUANTISATION
     if means.noise is not None and plane.channel in means.noise:
         return means.noise[plane.channel]
+    if channel in capture.transfer:
+        return capture.transfer[channel].slope, capture.transfer[channel].floor
     if not flats:
         return math.nan, math.nan
     # How neighbours differ holds the pixels' own differences too, so this errs to the large side.

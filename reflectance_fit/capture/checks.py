@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import PurePath
 
+from reflectance_fit.capture.frames import WHITE
 from reflectance_fit.capture.manifest import FrameEntry, Manifest
 from reflectance_fit.errors import Problem, ReflectanceFitError, suggestion
+from reflectance_fit.materials import library
 from reflectance_fit.strict_yaml import Document
 
 Place = tuple[str | int, ...]
@@ -30,16 +32,12 @@ def check_supported(manifest: Manifest, document: Document) -> None:
 
 def _unsupported(m: Manifest) -> Iterator[Finding]:
     """The one list of refusals: (place, subject and verb)."""
-    if m.camera.sensor in ("dofp", "dofp_bayer"):
-        yield ("camera", "sensor"), f"{m.camera.sensor}: sensors with polarizers on the pixels are"
-    if m.camera.encoding is not None:
-        yield ("camera", "encoding"), "images that are not RAW are"
     if m.geometry.kind == "charuco":
         yield ("geometry", "kind"), "angles from a ChArUco board are"
     if m.geometry.sphere == "detect":
         yield ("geometry", "sphere"), "finding the ball is"
     for i, frame in enumerate(m.frames):
-        if frame.role not in ("sample", "dark", "flat"):
+        if frame.role == "geometry":
             yield ("frames", i, "role"), f"the role {frame.role} is"
 
 
@@ -74,9 +72,41 @@ def _camera(m: Manifest) -> Iterator[Finding]:
         yield ("camera",), "dofp_layout_deg is missing; add the axes of the 2 x 2 pixels"
     elif not dofp and camera.dofp_layout_deg is not None:
         yield ("camera", "dofp_layout_deg"), "belongs to dofp sensors; remove it"
+    yield from _levels(m)
+    if camera.dofp_layout_deg is not None and len(_directions(camera.dofp_layout_deg)) < 3:
+        yield ("camera", "dofp_layout_deg"), "must have three different axes at least; are these degrees?"
     if camera.noise:
         for key in ("gain_e_per_dn", "read_noise_e"):
             yield from _covers(m, ("camera", "noise", key), getattr(camera.noise, key))
+
+
+def _levels(m: Manifest) -> Iterator[Finding]:
+    """Levels and colours that files state, or do not."""
+    camera = m.camera
+    coloured = camera.sensor in ("bayer", "dofp_bayer")
+    if camera.pattern is None and camera.encoding is not None and camera.sensor == "bayer":
+        message = (
+            "pattern is missing; add the colours of the top left pixels, as RGGB: PNG and TIFF do not tell"
+        )
+        yield ("camera",), message
+    elif camera.pattern is not None and not coloured:
+        yield ("camera", "pattern"), "belongs to sensors with colour filters; remove it"
+    elif camera.pattern is not None and camera.encoding is None and camera.sensor == "bayer":
+        yield ("camera", "pattern"), "belongs to PNG and TIFF; RAW files say it themselves; remove it"
+    black, white = camera.black_dn, camera.white_dn
+    for key, stated in (("black_dn", black), ("white_dn", white)):
+        if stated is not None and camera.encoding == "srgb":
+            yield ("camera", key), "belongs to linear values; those of sRGB are decoded to light; remove it"
+        elif isinstance(stated, dict) and not coloured:
+            yield ("camera", key), f"a {camera.sensor} sensor has one level; give one number"
+        elif isinstance(stated, dict):
+            for name in stated:
+                if name not in BAYER:
+                    yield ("camera", key, name), f"a {camera.sensor} sensor has the channels R, G and B"
+    for name in BAYER:
+        low, high = (level.get(name) if isinstance(level, dict) else level for level in (black, white))
+        if low is not None and high is not None and low >= high:
+            yield ("camera", "white_dn"), f"must be above black_dn, {low:g}"
 
 
 def _optics(m: Manifest) -> Iterator[Finding]:
@@ -121,6 +151,13 @@ def _frame(m: Manifest, i: int, frame: FrameEntry) -> Iterator[Finding]:
     if m.camera.encoding is None and PurePath(frame.file).suffix.lower() in NOT_RAW:
         message = "8-bit and gamma-encoded images are refused unless camera.encoding says how to undo that"
         yield (*here, "file"), f"'{frame.file}' is not RAW; {message}; give the camera's RAW file"
+    dofp = m.camera.sensor in ("dofp", "dofp_bayer")
+    if dofp and frame.analyzer_deg is not None:
+        message = (
+            "is of a polarizer before the lens, and this sensor has its own; take it off and remove the key"
+        )
+        yield (*here, "analyzer_deg"), message
+    yield from _auxiliary(m, here, frame)
     if frame.role != "sample":
         return
     if kind != "stated":
@@ -130,7 +167,7 @@ def _frame(m: Manifest, i: int, frame: FrameEntry) -> Iterator[Finding]:
                 yield (*here, key), f"belongs to geometry kind: stated; here {source} says it; remove it"
     elif frame.theta_deg is None:
         yield here, "theta_deg is missing; add the angle of incidence in degrees"
-    if frame.analyzer_deg is None and m.camera.sensor in ("bayer", "mono"):
+    if frame.analyzer_deg is None and not dofp:
         yield here, "analyzer_deg is missing; add the direction of the polarizer in degrees"
     if frame.retarder_deg is not None and kind != "stated":
         yield (
@@ -145,6 +182,40 @@ def _frame(m: Manifest, i: int, frame: FrameEntry) -> Iterator[Finding]:
                 (*here, "retarder_deg"),
                 f"needs the retarder's retardance_deg for {', '.join(absent)}; add it",
             )
+
+
+def _auxiliary(m: Manifest, here: Place, frame: FrameEntry) -> Iterator[Finding]:
+    """Frames of references and polarizers."""
+    if frame.role == "reference":
+        if m.geometry.kind != "stated":
+            yield (*here, "role"), "reference belongs to geometry kind: stated; remove the frame"
+        elif frame.theta_deg is None:
+            yield here, "theta_deg is missing; add the angle of incidence in degrees"
+        if frame.material is None:
+            yield here, f"material is missing; add a built-in material or {WHITE}"
+        elif frame.material != WHITE:
+            try:
+                constants = library.get(frame.material)
+                for name in m.camera.channels if frame.channel is None else (frame.channel,):
+                    if name in m.camera.channels:
+                        constants.absolute_index(m.camera.channels[name].wavelength_nm)
+            except ReflectanceFitError as error:
+                yield (*here, "material"), str(error)
+    elif frame.material is not None:
+        yield (*here, "material"), "belongs to role: reference; remove it"
+    dofp = m.camera.sensor in ("dofp", "dofp_bayer")
+    if frame.role in ("reference", "polarizer") and frame.analyzer_deg is None and not dofp:
+        yield here, "analyzer_deg is missing; add the direction of the polarizer in degrees"
+    if frame.role == "polarizer" and frame.light and not any(frame.light.vector()[1:3]):
+        message = (
+            "of a polarizer frame must be linearly polarized, or say nothing of a linear source; correct it"
+        )
+        yield (*here, "light"), message
+
+
+def _directions(layout_deg: Iterable[Iterable[float]]) -> set[float]:
+    """Axes of one turn, without those that are alike."""
+    return {round(axis % 180.0, 6) % 180.0 for row in layout_deg for axis in row}
 
 
 def _region(place: Place, region: tuple[int, ...] | None) -> Iterator[Finding]:

@@ -17,9 +17,9 @@ SECTORS = 6
 
 
 def bins_of(capture: Capture, frame: Frame) -> Bins:
-    """The bins that a sample frame is averaged over."""
+    """The bins that a frame is averaged over; the lamp of a polarizer frame fills its region."""
     geometry = capture.geometry
-    if not isinstance(geometry, Sphere):
+    if not isinstance(geometry, Sphere) or frame.role == "polarizer":
         return Region() if frame.region is None else Region(*frame.region)
     return SphereBins(
         *geometry.center_px,

@@ -22,6 +22,7 @@ _TIFF = (b"II*\0", b"MM\0*")
 _CHUNK = 1 << 20
 _GREY, _PNG_KINDS = 0, {2: "RGB", 3: "a palette", 4: "grey with alpha", 6: "RGB with alpha"}
 _TIFF_COMPRESSIONS = {1, 5, 8, 32946}  # none, LZW, Deflate under its two numbers
+_DNG_VERSION = 50706
 _BLACK_IS_ZERO, _RGB, _UNSIGNED = 1, 2, 1
 
 _COPY = "copy it from the camera again"
@@ -110,6 +111,7 @@ def _tiff(file: BinaryIO, size: int) -> ImageHeader:
     try:
         chain, nested = read_directories(file, size)
         (d, *others) = (*chain, *nested)
+        dng = _DNG_VERSION in d
 
         def number(tag: int, default: int = 0) -> int:
             found = d.integer(tag)
@@ -121,6 +123,8 @@ def _tiff(file: BinaryIO, size: int) -> ImageHeader:
         offsets, lengths = (d.integers(tag, MAX_PIECES) for tag in ((324, 325) if 324 in d else (273, 279)))
     except Malformed as error:
         raise Malformed(f"its tags are damaged: {error}; {_COPY}") from error
+    if dng:
+        raise Malformed("is a DNG, which says itself how it is encoded; remove camera.encoding")
     if others:
         raise Malformed(f"has {1 + len(others)} pages; save each as a file of its own")
     if any(f != _UNSIGNED for f in formats):

@@ -50,12 +50,12 @@ def decode_samples(path: Path, encoding: str) -> tuple[NDArray[np.uint16], float
         message = f"OpenCV cannot decode it{reason}; copy it from the camera again"
         raise ReflectanceFitError(Problem(str(path), None, message))
     if encoding == "srgb":
-        return _srgb_table(header.bits)[samples], 65535.0
-    return samples.astype(np.uint16, copy=False), float(2**header.bits - 1)
+        return np.take(_srgb_table(header.bits), np.asarray(samples, dtype=np.intp)), 65535.0
+    return np.asarray(samples, dtype=np.uint16), float(2**header.bits - 1)
 
 
 def _srgb_table(bits: int) -> NDArray[np.uint16]:
     """Light, 65535 at white, of every sample.  Source: IEC 61966-2-1."""
     encoded = np.arange(2**bits) / (2**bits - 1)
     light = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-    return np.rint(65535 * light).astype(np.uint16)
+    return np.asarray(np.rint(65535 * light), dtype=np.uint16)

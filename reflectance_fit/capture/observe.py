@@ -36,6 +36,7 @@ def flat_rows(capture: Capture, samples: Sequence[Calibrated]) -> Observations:
                     per_dn=s.per_dn,
                     pixels=s.pixels,
                     saturated=s.saturated,
+                    rejected=s.rejected,
                 )
                 parts.append(_observations(capture, channel, frame, rows))
     return concatenate(parts)
@@ -77,6 +78,7 @@ class Rows:
     per_dn: FloatArray
     pixels: NDArray[np.int64]
     saturated: NDArray[np.bool_]
+    rejected: NDArray[np.bool_]
 
 
 def _pool(signals: Sequence[Signals], frame: Frame) -> Rows:
@@ -108,6 +110,7 @@ def _pool(signals: Sequence[Signals], frame: Frame) -> Rows:
         per_dn=mean("per_dn"),
         pixels=total.astype(np.int64),
         saturated=clipped[kept],
+        rejected=np.zeros(int(np.count_nonzero(kept)), dtype=np.bool_),
     )
 
 
@@ -133,7 +136,7 @@ def _observations(capture: Capture, channel: str, frame: Frame, rows: Rows) -> O
         value=rows.value,
         sigma=sigma,
         pixels=rows.pixels,
-        flag=np.where(rows.saturated, str(Flag.SATURATED), str(Flag.USED)),
+        flag=np.select([rows.rejected, rows.saturated], [Flag.REJECTED, Flag.SATURATED], Flag.USED),
         fwhm_nm=np.full(n, capture.channels[channel].fwhm_nm),
         signal_per_dn=rows.per_dn,
     )

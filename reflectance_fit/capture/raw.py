@@ -18,6 +18,8 @@ import numpy as np
 import rawpy
 from numpy.typing import NDArray
 
+from reflectance_fit.capture.optical_black import measured_black
+from reflectance_fit.capture.pixel_maps import PixelMaps
 from reflectance_fit.capture.structure import check_structure
 from reflectance_fit.capture.tiff import RawTags, read_tags
 from reflectance_fit.errors import Problem, ReflectanceFitError
@@ -60,6 +62,12 @@ class RawFrame:
     iso : float or None
     noise_profile : dict of plane to (S, O), or None
         DNG's model: variance S x + O, normalised to black 0 and white 1.
+    measured_white : float, shape (n, n), or None
+        Where the pixels of this frame show that the sensor clips, at most ``white``.
+    maps : PixelMaps or None
+        Offset and gain of every pixel, where the camera has been measured.
+    unused_bits : int
+        How many low bits the file left empty; ``cfa`` is without them.
     """
 
     cfa: NDArray[np.uint16]
@@ -70,11 +78,15 @@ class RawFrame:
     exposure_s: Fraction | None
     iso: float | None
     noise_profile: dict[str, tuple[float, float]] | None
+    measured_white: NDArray[np.float64] | None = None
+    maps: PixelMaps | None = None
+    unused_bits: int = 0
 
     @property
     def clip(self) -> NDArray[np.float64]:
         """DN from which a pixel counts as clipped, of each pixel of the cell, shape (n, n)."""
-        return self.black + CLIP_SHARE * (self.white - self.black)
+        white = self.white if self.measured_white is None else self.measured_white
+        return self.black + CLIP_SHARE * (white - self.black)
 
     def plane(self, row: int, column: int) -> Plane:
         """What the pixels at this position of the cell see."""
@@ -93,10 +105,10 @@ class RawFrame:
 
 
 def decode(path: Path) -> RawFrame:
-    """Read one frame in this process.
+    """Read one frame in this process, as it stands in the file.
 
     Raises ReflectanceFitError, naming the file, for what is no raw file of a
-    Bayer or monochrome sensor, is damaged, or holds no picture.
+    Bayer or monochrome sensor, cannot be decoded, or holds one value only.
     """
     if rawpy.libraw_version < _OLDEST_LIBRAW:
         version = ".".join(map(str, rawpy.libraw_version))
@@ -108,17 +120,14 @@ def decode(path: Path) -> RawFrame:
         raw.unpack()
         if raw.raw_type != rawpy.RawType.Flat:
             raise _refused(
-                path, "holds several colours a pixel, so it was demosaiced or scanned; use full raw"
+                path,
+                "holds several colours a pixel: linear RGB, sRAW, Foveon or a scan; photograph in full Bayer RAW",
             )
         frame = _frame(raw, tags, path)
     # A hopelessly overexposed frame is alike everywhere too, and counts as saturated.
     if frame.cfa.min() == frame.cfa.max() < frame.clip.max():
-        raise _refused(
-            path, f"every pixel is {frame.cfa.max()}: there is no picture; copy it from the camera again"
-        )
-    if not (frame.black < frame.white).all():
-        levels = f"its black level {frame.black.max():g} is not below its white level {frame.white.min():g}"
-        raise _refused(path, levels)
+        reason = f"every pixel is {frame.cfa.max()}: there is no picture"
+        raise _refused(path, f"{reason}; copy it from the camera again, or expose it less")
     return frame
 
 
@@ -131,6 +140,8 @@ def _frame(raw: rawpy.RawPy, tags: RawTags, path: Path) -> RawFrame:
     image = tags.image if tags.dng else None
     black = image.black_cell(origin) if image else None
     white = image.white if image else None
+    if image and not image.states_black:
+        black = measured_black(raw.raw_image, image.masked, origin, float(white or raw.white_level))
     exposure_s, iso = (tags.exposure_s, tags.iso) if tags.container == "tiff" else _shot(raw)
     return RawFrame(
         # The view is LibRaw's memory, freed on closing.
@@ -152,9 +163,12 @@ def _cell(raw: rawpy.RawPy, origin: tuple[int, int], path: Path) -> tuple[NDArra
         return np.zeros((2, 2), dtype=np.intp), np.full((2, 2), "mono")
     pattern = raw.raw_pattern
     if pattern is None or pattern.shape != (2, 2):
-        size = "unknown" if pattern is None else " x ".join(map(str, pattern.shape))
+        shape = () if pattern is None else pattern.shape
+        size, sensor = " x ".join(map(str, shape)) or "unknown", "X-Trans" if shape == (6, 6) else ""
         raise _refused(
-            path, f"its colour filters repeat over {size} pixels; only Bayer and monochrome are read"
+            path,
+            f"is of a {f'{sensor} ' if sensor else ''}sensor whose colour filters repeat over {size} pixels; "
+            "only Bayer and monochrome are read",
         )
     planes = np.roll(pattern, (-origin[0], -origin[1]), axis=(0, 1)).astype(np.intp)
     names = np.array(list(raw.color_desc.decode("ascii")))[planes]
@@ -171,8 +185,24 @@ def _shot(raw: rawpy.RawPy) -> tuple[Fraction | None, float | None]:
         other = raw.other
     except ValueError:  # a date that is none
         return None, None
-    exposure_s = Fraction(other.shutter_speed).limit_denominator(100_000)
-    return exposure_s or None, other.iso_speed or None
+    return _rational(other.shutter_speed), other.iso_speed or None
+
+
+def _rational(single: float) -> Fraction | None:
+    """The simplest fraction that a 32-bit float stands for: 1/60 for 0.016666668; None for 0."""
+    if not 0 < single < math.inf:
+        return None
+    exact, half_step = Fraction(single), Fraction(1, 2**24)
+    low, high = exact * (1 - half_step), exact * (1 + half_step)
+    whole: list[int] = []
+    # The continued fractions of both ends agree up to the simplest number between them.
+    while (floor := low.numerator // low.denominator) + 1 > high and floor != low:
+        whole.append(floor)
+        low, high = 1 / (high - floor), 1 / (low - floor)
+    found = Fraction(floor if floor == low else floor + 1)
+    for term in reversed(whole):
+        found = term + 1 / found
+    return found
 
 
 def _noise(

@@ -54,15 +54,19 @@ class FrameMeans:
     ``noise`` maps a channel to (a, b): the variance of a pixel is a * mean + b
     in DN^2, by the file's noise profile; None without one.  ``scatter`` maps a
     plane to its mean (DN above black) and the variance between neighbouring
-    pixels, both over the middle half of the sensor.  ``sha256`` is the file's,
-    "" of a frame that comes from none.
+    pixels, both over the middle half of the sensor.  ``clip`` maps a plane to
+    what counts as clipped, DN above black.  ``shape`` is the sensor's, (h, w).  ``sha256`` is the file's, "" of a
+    frame that comes from none; ``unused_bits`` as in RawFrame.
     """
 
     bins: tuple[Bins, ...]
     planes: tuple[dict[Plane, PlaneMeans], ...]
     noise: dict[str, tuple[float, float]] | None
     scatter: dict[Plane, tuple[float, float]]
+    clip: dict[Plane, float]
+    shape: tuple[int, int]
     sha256: str = ""
+    unused_bits: int = 0
 
     def over(self, bins: Bins) -> dict[Plane, PlaneMeans]:
         """The planes' means over one of ``bins``."""
@@ -96,7 +100,9 @@ def reduce_file(
     frame = read_frame(path, reading)
     if cells is not None:
         cell_means(frame, cells[0], shift).save(cells[1])
-    return replace(reduce_frame(frame, bins, is_flat, shift, mask), sha256=found)
+    # That frames differ in size is told by the capture as a whole.
+    fitting = mask if mask is not None and mask.shape == frame.cfa.shape else None
+    return replace(reduce_frame(frame, bins, is_flat, shift, fitting), sha256=found)
 
 
 def reduce_frame(
@@ -124,7 +130,11 @@ def reduce_frame(
         {plane: _plane(frame, plane, which, is_flat, shift, mask) for plane in frame.planes()}
         for which in bins
     )
-    return FrameMeans(bins, planes, noise, {plane: _scatter(frame, plane) for plane in frame.planes()})
+    scatter = {plane: _scatter(frame, plane) for plane in frame.planes()}
+    above = frame.clip - frame.black
+    clip = {plane: min(float(above[site]) for site in frame.sites(plane)) for plane in frame.planes()}
+    height, width = frame.cfa.shape
+    return FrameMeans(bins, planes, noise, scatter, clip, (height, width), unused_bits=frame.unused_bits)
 
 
 def _scatter(frame: RawFrame, plane: Plane) -> tuple[float, float]:
@@ -207,14 +217,17 @@ def _add_region(
     black, clip = float(frame.black[site]), frame.clip[site]
     for rows, columns, masked in _pieces(frame, site, bins, shift, mask):
         dn = frame.cfa[rows, columns]
+        kept: Any = ... if masked is None else ~masked
         if shift is not None:
             inside = bins.holds(*_positions(rows, columns, dn.shape, shift)).reshape(dn.shape)
-            dn = dn[inside if masked is None else inside & ~masked]
-        elif masked is not None:
-            dn = dn[~masked]
-        sums.pixels[0] += dn.size
-        sums.saturated[0] += np.count_nonzero(dn >= clip)
-        sums.level[0] += float(dn.sum(dtype=np.int64)) - black * dn.size
+            kept = inside if masked is None else inside & kept
+        sums.pixels[0] += dn[kept].size
+        sums.saturated[0] += np.count_nonzero(dn[kept] >= clip)
+        if frame.maps is None:
+            sums.level[0] += float(dn[kept].sum(dtype=np.int64)) - black * dn[kept].size
+        else:
+            above = frame.maps.above_black(dn, (rows, columns), black)
+            sums.level[0] += float(above[kept].sum(dtype=np.float64))
 
 
 def _add_angles(
@@ -233,11 +246,12 @@ def _add_angles(
         raise ValueError("bins without an analyzer are for sensors with polarizers on the pixels")
     for rows, columns, masked in _pieces(frame, site, bins, shift, mask):
         dn = frame.cfa[rows, columns]
+        signal = dn - black if frame.maps is None else frame.maps.above_black(dn, (rows, columns), black)
         inside, theta, s_direction = bins.angles(*_positions(rows, columns, dn.shape, shift))
-        dn = dn.ravel()[inside]
+        dn, signal = dn.ravel()[inside], signal.ravel()[inside]
         if masked is not None:
             kept = ~masked.ravel()[inside]
-            dn, theta, s_direction = dn[kept], theta[kept], s_direction[kept]
+            dn, signal, theta, s_direction = dn[kept], signal[kept], theta[kept], s_direction[kept]
         phi = axis - s_direction
         sector = np.floor(phi % math.pi / math.pi * bins.sectors).astype(np.int64) % bins.sectors
         ring = np.clip(np.searchsorted(bins.edges, theta, side="right") - 1, 0, len(bins.edges) - 2)
@@ -246,7 +260,6 @@ def _add_angles(
         def total(values: NDArray[np.floating[Any]] | None, number: NDArray[np.int64] = number) -> FloatArray:
             return np.bincount(number, weights=values, minlength=bins.count).astype(np.float64)
 
-        signal = dn - black
         weight = signal if is_flat else np.ones(1)
         sums.pixels[:] += total(None)
         sums.saturated[:] += total((dn >= clip).astype(np.float64))

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from reflectance_fit.capture.frames import Capture, Exposure, Frame
+from reflectance_fit.capture.image_headers import read_image_header
 from reflectance_fit.capture.structure import check_structure
 from reflectance_fit.capture.tiff import read_tags
 from reflectance_fit.errors import Problem, ReflectanceFitError
@@ -38,17 +39,13 @@ def read_settings(capture: Capture) -> dict[Path, Exposure]:
     settings: dict[Path, Exposure] = {}
     for frame in capture.frames:
         try:
-            tags = read_tags(frame.path)
-            check_structure(tags, frame.file)
+            found = _found(frame, capture.reading.encoding)
         except ReflectanceFitError as error:
             if frame.path.is_file():
                 check_hashes(capture, {frame.path: sha256_of(frame.path)})
             problems += [_at(capture, frame, p.message) for p in error.problems]
             continue
-        seconds = None if tags.exposure_s is None else float(tags.exposure_s)
-        settings[frame.path] = frame.settings(
-            Exposure(seconds, None if tags.iso is None else float(tags.iso))
-        )
+        settings[frame.path] = frame.settings(found)
         if not settings[frame.path].seconds:
             problems.append(_at(capture, frame, "has no exposure time; state exposure_s"))
     isos = sorted({s.iso for s in settings.values() if s.iso is not None})
@@ -59,6 +56,16 @@ def read_settings(capture: Capture) -> dict[Path, Exposure]:
     if problems:
         raise ReflectanceFitError(problems)
     return settings
+
+
+def _found(frame: Frame, encoding: str | None) -> Exposure:
+    """What the file says; ReflectanceFitError for what should not be decoded."""
+    if encoding is not None:
+        read_image_header(frame.path)
+        return Exposure(None, None)
+    tags = read_tags(frame.path)
+    check_structure(tags, frame.file)
+    return Exposure(tags.exposure_s, None if tags.iso is None else float(tags.iso))
 
 
 def _at(capture: Capture, frame: Frame, message: str) -> Problem:

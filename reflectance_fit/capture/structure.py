@@ -18,7 +18,7 @@ _OTHER_COMPRESSIONS = {
     52546: "JPEG XL, which may be lossy",
 }
 _BAYER_REPEAT = (2, 2)
-_FILTERS = {(6, 6): "an X-Trans sensor, ", (4, 4): "a quad-Bayer sensor, "}
+_FILTERS: dict[tuple[int, ...], str] = {(6, 6): "an X-Trans sensor, ", (4, 4): "a quad-Bayer sensor, "}
 
 _CONTAINERS = {
     "empty": "the file is empty; copy it from the camera again",

@@ -75,6 +75,7 @@ class RawImage:
     cfa_repeat: tuple[int, ...]
     cfa_pattern: tuple[int, ...]
     cfa_layout: int
+    states_black: bool
     black: tuple[Fraction, ...] | None
     black_repeat: tuple[int, ...]
     white: int | None
@@ -200,6 +201,7 @@ def _image(file: BinaryIO, d: Directory, first: Directory, *, stated: bool) -> R
         cfa_repeat=tuple(d.integers(33421)),
         cfa_pattern=tuple(d.integers(33422)),
         cfa_layout=d.integer(50711) or 1,
+        states_black=deltas or bool(black),
         black=None if deltas or not black else tuple(black),
         black_repeat=tuple(repeat),
         white=whites[0] if whites else None,

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from reflectance_fit.errors import ReflectanceFitError
 from reflectance_fit.examination import Band
 from reflectance_fit.inference.forward import ETA, K, predict_vectors
-from reflectance_fit.inference.point import at_best, index_names, wrapped
+from reflectance_fit.inference.point import at_best, index_names
+from reflectance_fit.inference.rows import wrapped
 from reflectance_fit.materials.library import Entry, entries, get
 from reflectance_fit.result import Fit
 

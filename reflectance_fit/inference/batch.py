@@ -17,25 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.inference import likelihood
-from reflectance_fit.inference.forward import ETA, FIRST_NUISANCE, FIRST_SIGMA, K, turns_of
+from reflectance_fit.inference.forward import DARK, DIATTENUATION, DIFFUSE, ETA, FIRST_SIGMA, K, turns_of
 from reflectance_fit.inference.models import Model
-from reflectance_fit.inference.rows import CODES, LAST_POWER, Rows
-from reflectance_fit.observations import Quantity
+from reflectance_fit.inference.rows import DOLP, LAST_POWER, RATIO, REFLECTANCE, REFLECTANCE_S, SIGNAL, Rows
 from reflectance_fit.physics.jit import kernel
 from reflectance_fit.physics.kernels import analyzer_signal, interface
-from reflectance_fit.priors import NUISANCES
 
 FloatArray = NDArray[np.float64]
 
-_REFLECTANCE_S = CODES[Quantity.REFLECTANCE_S]
-_REFLECTANCE_P = CODES[Quantity.REFLECTANCE_P]
-_REFLECTANCE = CODES[Quantity.REFLECTANCE]
-_SIGNAL = CODES[Quantity.SIGNAL]
-_RATIO = CODES[Quantity.RATIO_PS]
-_DOLP_VALUE = CODES[Quantity.DOLP]
-_DARK, _DIFFUSE, _DIATTENUATION = (
-    FIRST_NUISANCE + NUISANCES[name].index for name in ("dark_offset", "diffuse", "diattenuation")
-)
 _BLOCK = 64  # vectors: their model values of a hundred rows stay in the first level of cache
 _AGREEMENT = 1e-6  # in log likelihood, absolute and relative
 
@@ -58,7 +47,7 @@ def serves(rows: Rows) -> bool:
     """Whether rows are of the kinds that `blocks` knows."""
     if rows.errors_in_angle or rows.heavy_tailed or rows.censored.any() or rows.dispersion.any():
         return False
-    return bool(rows.code.max() <= _DOLP_VALUE)
+    return bool(rows.code.max() <= DOLP)
 
 
 @kernel
@@ -81,17 +70,17 @@ def _add_model(
         for d in range(count):
             c, s = c0 * cos_offset[d] - s0 * sin_offset[d], s0 * cos_offset[d] + c0 * sin_offset[d]
             r_s, r_p, _, _ = interface(max(c, 0.0), s, eta[d], k[d])
-            out[d] += half * (r_p / r_s if code == _RATIO else (r_s - r_p) / (r_s + r_p))
+            out[d] += half * (r_p / r_s if code == RATIO else (r_s - r_p) / (r_s + r_p))
         return
-    if code <= _REFLECTANCE:
-        of_s = half * (1.0 if code == _REFLECTANCE_S else 0.5 if code == _REFLECTANCE else 0.0)
+    if code <= REFLECTANCE:
+        of_s = half * (1.0 if code == REFLECTANCE_S else 0.5 if code == REFLECTANCE else 0.0)
         for d in range(count):
             c, s = c0 * cos_offset[d] - s0 * sin_offset[d], s0 * cos_offset[d] + c0 * sin_offset[d]
             r_s, r_p, _, _ = interface(max(c, 0.0), s, eta[d], k[d])
             out[d] += of_s * r_s + (half - of_s) * r_p
         return
     # signal_s and signal_p are R_s and R_p times a gain; an analyzer passes half of unpolarized light.
-    scale = half if code == _SIGNAL else 2.0 * half
+    scale = half if code == SIGNAL else 2.0 * half
     unpolarized = given[0] - math.sqrt(given[1] ** 2 + given[2] ** 2 + given[3] ** 2)
     for d in range(count):
         c, s = c0 * cos_offset[d] - s0 * sin_offset[d], s0 * cos_offset[d] + c0 * sin_offset[d]
@@ -120,7 +109,7 @@ def _lines(rows: Rows, vectors: FloatArray, block: FloatArray) -> None:
         block[0, d], block[1, d] = p[ETA] / rows.exterior_ior, p[K] / rows.exterior_ior
         for j in range(6):
             block[2 + j, d] = turns[j]
-        block[8, d], block[9, d], block[10, d] = p[_DIATTENUATION], p[_DARK], p[_DIFFUSE]
+        block[8, d], block[9, d], block[10, d] = p[DIATTENUATION], p[DARK], p[DIFFUSE]
 
 
 @kernel

@@ -18,30 +18,34 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.inference.forward import ETA, FIRST_NUISANCE, SLOPE, K, Turns, reading
-from reflectance_fit.inference.rows import CODES, Rows
-from reflectance_fit.observations import Quantity
+from reflectance_fit.inference.forward import (
+    ANALYZER,
+    AZIMUTH,
+    DIATTENUATION,
+    ETA,
+    OFFSET,
+    SLOPE,
+    SOURCE,
+    K,
+    Turns,
+    reading,
+)
+from reflectance_fit.inference.rows import (
+    DOLP,
+    PSI,
+    RATIO,
+    REFLECTANCE,
+    REFLECTANCE_P,
+    REFLECTANCE_S,
+    SIGNAL,
+    Rows,
+)
 from reflectance_fit.physics.jit import inlined
-from reflectance_fit.physics.kernels import analyzer_signal, interface
-from reflectance_fit.priors import NUISANCES
+from reflectance_fit.physics.kernels import analyzer_signal, interface, wave
 
 FloatArray = NDArray[np.float64]
 
 Four = tuple[float, float, float, float]
-
-_REFLECTANCE_S, _REFLECTANCE_P = CODES[Quantity.REFLECTANCE_S], CODES[Quantity.REFLECTANCE_P]
-_REFLECTANCE, _SIGNAL = CODES[Quantity.REFLECTANCE], CODES[Quantity.SIGNAL]
-_RATIO, _DOLP_VALUE, _PSI = CODES[Quantity.RATIO_PS], CODES[Quantity.DOLP], CODES[Quantity.PSI_DEG]
-_OFFSET, _DOLP, _AZIMUTH, _ANALYZER, _DIATTENUATION = (
-    FIRST_NUISANCE + NUISANCES[name].index
-    for name in (
-        "angle_offset_deg",
-        "source_dolp",
-        "source_azimuth_deg",
-        "analyzer_offset_deg",
-        "diattenuation",
-    )
-)
 
 _DEGREE = math.pi / 180
 # Stands for |w|^2 at the very critical angle of a transparent medium, where slopes are infinite.
@@ -56,12 +60,7 @@ def interface_gradients(c: float, s: float, eta: float, k: float) -> tuple[Four,
     """
     r_s, r_p, cross_re, cross_im = interface(c, s, eta, k)
     c2, s2 = c * c, s * s
-    epsilon_re, epsilon_im = (eta - k) * (eta + k), 2 * eta * k
-    a = epsilon_re - s2
-    h = math.sqrt(a * a + epsilon_im * epsilon_im)
-    larger = math.sqrt(0.5 * (h + abs(a)))
-    smaller = 0.5 * epsilon_im / larger if larger > 0 else 0.0
-    u, v = (larger, smaller) if a >= 0 else (smaller, larger)
+    epsilon_re, epsilon_im, h, u, v = wave(s2, eta, k)
     h = max(h, _TINY)
     d = max((c + u) ** 2 + v * v, _TINY)
     sum_re, sum_im = s2 + u * c, v * c
@@ -123,18 +122,18 @@ def interface_gradients(c: float, s: float, eta: float, k: float) -> tuple[Four,
 def _slope(code: int, value: Four, change: Four) -> float:
     """Derivative of a quantity that needs no light, given the derivative of the interface."""
     r_s, r_p = value[0], value[1]
-    if code == _REFLECTANCE_S:
+    if code == REFLECTANCE_S:
         return change[0]
-    if code == _REFLECTANCE_P:
+    if code == REFLECTANCE_P:
         return change[1]
-    if code == _REFLECTANCE:
+    if code == REFLECTANCE:
         return 0.5 * (change[0] + change[1])
-    if code == _RATIO:
+    if code == RATIO:
         return (change[1] - r_p / r_s * change[0]) / r_s
     turned = r_p * change[0] - r_s * change[1]
-    if code == _DOLP_VALUE:
+    if code == DOLP:
         return 2 * turned / (r_s + r_p) ** 2
-    if code == _PSI:
+    if code == PSI:
         # At R_p = 0 psi is a modulus, with a corner and no slope.
         product = r_s * r_p
         return -turned / (2 * math.sqrt(product) * (r_s + r_p)) / _DEGREE if product > 0 else 0.0
@@ -153,7 +152,7 @@ def _of_light(
     out: FloatArray,
 ) -> None:
     """Add the derivatives of a row that has light and perhaps an analyzer; they are linear in nearly everything."""
-    share = 1.0 if rows.code[i] == _SIGNAL else 2.0
+    share = 1.0 if rows.code[i] == SIGNAL else 2.0
     reflection, by_theta, by_eta, by_k = jet
     s0, s1, s2, s3 = rows.light[i, 0], rows.light[i, 1], rows.light[i, 2], rows.light[i, 3]
     unpolarized = s0 - math.sqrt(s1 * s1 + s2 * s2 + s3 * s3)
@@ -161,25 +160,25 @@ def _of_light(
     cos_2phi, sin_2phi = rows.analyzer[i, 0], rows.analyzer[i, 1]
     analyzer = (cos_2phi * turns[2] - sin_2phi * turns[3], sin_2phi * turns[2] + cos_2phi * turns[3])
     retarder = (rows.retarder[i, 0], rows.retarder[i, 1], rows.retarder[i, 2], rows.retarder[i, 3])
-    d = rows.diattenuation[i] * p[_DIATTENUATION]
-    out[_OFFSET] += share * analyzer_signal(by_theta, light, analyzer, retarder, d) * _DEGREE
+    d = rows.diattenuation[i] * p[DIATTENUATION]
+    out[OFFSET] += share * analyzer_signal(by_theta, light, analyzer, retarder, d) * _DEGREE
     out[ETA] += share * analyzer_signal(by_eta, light, analyzer, retarder, d) / rows.exterior_ior
     out[K] += share * analyzer_signal(by_k, light, analyzer, retarder, d) / rows.exterior_ior
     if not optics:
         return
     across = (-analyzer[1], analyzer[0])
-    azimuth = 2 * math.radians(p[_AZIMUTH])
+    azimuth = 2 * math.radians(p[AZIMUTH])
     ahead, aside = unpolarized * math.cos(azimuth), unpolarized * math.sin(azimuth)
-    out[_DOLP] += share * analyzer_signal(reflection, (0.0, ahead, aside, 0.0), analyzer, retarder, d)
+    out[SOURCE] += share * analyzer_signal(reflection, (0.0, ahead, aside, 0.0), analyzer, retarder, d)
     turn = share * 2 * _DEGREE
-    moved = (0.0, -p[_DOLP] * aside, p[_DOLP] * ahead, 0.0)
-    out[_AZIMUTH] += turn * analyzer_signal(reflection, moved, analyzer, retarder, d)
+    moved = (0.0, -p[SOURCE] * aside, p[SOURCE] * ahead, 0.0)
+    out[AZIMUTH] += turn * analyzer_signal(reflection, moved, analyzer, retarder, d)
     if not math.isnan(cos_2phi):
         # What passes unpolarized is the signal without diattenuation.
         half = analyzer_signal(reflection, light, across, retarder, 0.0)
-        out[_ANALYZER] += turn * (analyzer_signal(reflection, light, across, retarder, d) - half)
+        out[ANALYZER] += turn * (analyzer_signal(reflection, light, across, retarder, d) - half)
         ideal = analyzer_signal(reflection, light, analyzer, retarder, 1.0)
-        out[_DIATTENUATION] += share * rows.diattenuation[i] * (ideal - half)
+        out[DIATTENUATION] += share * rows.diattenuation[i] * (ideal - half)
 
 
 @inlined
@@ -206,8 +205,8 @@ def gradient_at_angle(
         jet = interface_gradients(cc, ss, eta / rows.exterior_ior, p[K] / rows.exterior_ior)
         code = rows.code[i]
         value += reading(rows, i, jet[0], p, turns)
-        if code in (_REFLECTANCE_S, _REFLECTANCE_P, _REFLECTANCE) or code > _SIGNAL:
-            out[_OFFSET] += _slope(code, jet[0], jet[1]) * _DEGREE
+        if code in (REFLECTANCE_S, REFLECTANCE_P, REFLECTANCE) or code > SIGNAL:
+            out[OFFSET] += _slope(code, jet[0], jet[1]) * _DEGREE
             out[ETA] += _slope(code, jet[0], jet[2]) / rows.exterior_ior
             out[K] += _slope(code, jet[0], jet[3]) / rows.exterior_ior
         else:

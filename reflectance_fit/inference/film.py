@@ -26,7 +26,8 @@ from reflectance_fit.errors import ReflectanceFitError
 from reflectance_fit.examination import Drift, Film
 from reflectance_fit.inference.film_rows import film_values
 from reflectance_fit.inference.fisher import Information
-from reflectance_fit.inference.point import at_best, background_of, residuals, wrapped
+from reflectance_fit.inference.point import at_best, background_of, residuals
+from reflectance_fit.inference.rows import wrapped
 from reflectance_fit.materials.library import Entry, get
 from reflectance_fit.observations import Observations, Quantity
 from reflectance_fit.priors import NUISANCES

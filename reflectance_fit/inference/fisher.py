@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.inference.forward import ETA, FIRST_NUISANCE, K, neutral_vector, predict_vectors
-from reflectance_fit.inference.rows import CODES, Rows, gain_names, pack
-from reflectance_fit.observations import Observations, Quantity
+from reflectance_fit.inference.rows import Rows, gain_names, pack, wrapped
+from reflectance_fit.observations import Observations
 from reflectance_fit.physics.domain import checked_index
 from reflectance_fit.priors import NUISANCES, Prior
 
@@ -77,7 +77,7 @@ class Information:
         """How far full parameter vectors, shape (D, M), are from the point in units of noise, shape (D, N)."""
         centre = predict_vectors(self.rows, self.vector[None], self.gains)
         return np.asarray(
-            _wrapped(self.rows, predict_vectors(self.rows, vectors, self.gains) - centre) @ self.whitening.T
+            wrapped(self.rows, predict_vectors(self.rows, vectors, self.gains) - centre) @ self.whitening.T
         )
 
 
@@ -200,7 +200,7 @@ def _derivatives(rows: Rows, vector: FloatArray, gains: FloatArray, names: tuple
         [_moved(vector, n, d) for n, points in zip(names, stencils, strict=True) for _, d in points]
     )
     values = predict_vectors(rows, np.vstack([vector, moved]), gains)
-    change = _wrapped(rows, values[1:] - values[0])
+    change = wrapped(rows, values[1:] - values[0])
     weights = np.array([weight for points in stencils for weight, _ in points])
     return np.asarray((change * weights[:, None]).reshape(len(names), 2, -1).sum(axis=1).T)
 
@@ -221,12 +221,6 @@ def _moved(vector: FloatArray, name: str, amount: float) -> FloatArray:
     else:
         v[FIRST_NUISANCE + NUISANCES[name].index] += amount
     return v
-
-
-def _wrapped(rows: Rows, change: FloatArray) -> FloatArray:
-    """Differences of rows, shape (D, N); those of Delta on its circle."""
-    circular = rows.code == CODES[Quantity.DELTA_DEG]
-    return np.where(circular, (change + 180.0) % 360.0 - 180.0, change)
 
 
 def _whitening(rows: Rows, vector: FloatArray, gains: FloatArray, slope: FloatArray) -> FloatArray:

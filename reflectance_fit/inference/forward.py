@@ -7,8 +7,17 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.inference.rows import CODES, LAST_POWER, Rows
-from reflectance_fit.observations import Quantity
+from reflectance_fit.inference.rows import (
+    DOLP,
+    LAST_POWER,
+    PSI,
+    RATIO,
+    REFLECTANCE,
+    REFLECTANCE_P,
+    REFLECTANCE_S,
+    SIGNAL,
+    Rows,
+)
 from reflectance_fit.physics.jit import inlined, kernel
 from reflectance_fit.physics.kernels import analyzer_signal, interface
 from reflectance_fit.priors import NUISANCES
@@ -19,15 +28,7 @@ FloatArray = NDArray[np.float64]
 # order, then log(sigma) of each estimated sigma.
 ETA, K, SLOPE, FIRST_NUISANCE = 0, 1, 2, 3
 FIRST_SIGMA = FIRST_NUISANCE + len(NUISANCES)
-_OFFSET, _DARK, _DIFFUSE, _DOLP, _AZIMUTH, _ANALYZER, _DIATTENUATION = range(FIRST_NUISANCE, FIRST_SIGMA)
-
-_REFLECTANCE_S = CODES[Quantity.REFLECTANCE_S]
-_REFLECTANCE_P = CODES[Quantity.REFLECTANCE_P]
-_REFLECTANCE = CODES[Quantity.REFLECTANCE]
-_SIGNAL = CODES[Quantity.SIGNAL]
-_RATIO = CODES[Quantity.RATIO_PS]
-_DOLP_VALUE = CODES[Quantity.DOLP]
-_PSI = CODES[Quantity.PSI_DEG]
+OFFSET, DARK, DIFFUSE, SOURCE, AZIMUTH, ANALYZER, DIATTENUATION = range(FIRST_NUISANCE, FIRST_SIGMA)
 
 
 # What a full parameter vector means for every row: cosine and sine of the angle offset, of
@@ -38,15 +39,15 @@ Turns = tuple[float, float, float, float, float, float]
 @inlined
 def turns_of(p: FloatArray) -> Turns:
     """The trigonometry of a vector, once for all rows."""
-    offset, analyzer = math.radians(p[_OFFSET]), 2 * math.radians(p[_ANALYZER])
-    azimuth = 2 * math.radians(p[_AZIMUTH])
+    offset, analyzer = math.radians(p[OFFSET]), 2 * math.radians(p[ANALYZER])
+    azimuth = 2 * math.radians(p[AZIMUTH])
     return (
         math.cos(offset),
         math.sin(offset),
         math.cos(analyzer),
         math.sin(analyzer),
-        p[_DOLP] * math.cos(azimuth),
-        p[_DOLP] * math.sin(azimuth),
+        p[SOURCE] * math.cos(azimuth),
+        p[SOURCE] * math.sin(azimuth),
     )
 
 
@@ -57,34 +58,34 @@ def reading(
     """What row i reads of a surface with R_s, R_p and r_s conj(r_p) = ``reflection``; gain 1, no background."""
     r_s, r_p, cross_re, cross_im = reflection
     code = rows.code[i]
-    if code == _REFLECTANCE_S:
+    if code == REFLECTANCE_S:
         return r_s
-    if code == _REFLECTANCE_P:
+    if code == REFLECTANCE_P:
         return r_p
-    if code == _REFLECTANCE:
+    if code == REFLECTANCE:
         return 0.5 * (r_s + r_p)
-    if code == _RATIO:
+    if code == RATIO:
         return r_p / r_s
-    if code == _DOLP_VALUE:
+    if code == DOLP:
         return (r_s - r_p) / (r_s + r_p)
-    if code == _PSI:
+    if code == PSI:
         return math.degrees(math.atan2(math.sqrt(r_p), math.sqrt(r_s)))
-    if code > _PSI:
+    if code > PSI:
         # rho = r_p / r_s has the phase of conj(r_s conj(r_p)), and rho = tan(psi) exp(-i Delta).
         return math.degrees(math.atan2(cross_im, cross_re)) % 360.0
     # A source that is slightly polarized: its unpolarized part becomes so.
     s0, s1, s2, s3 = rows.light[i, 0], rows.light[i, 1], rows.light[i, 2], rows.light[i, 3]
-    if p[_DOLP] > 0:
+    if p[SOURCE] > 0:
         unpolarized = s0 - math.sqrt(s1 * s1 + s2 * s2 + s3 * s3)
         s1 += unpolarized * turns[4]
         s2 += unpolarized * turns[5]
     cos_2phi, sin_2phi = rows.analyzer[i, 0], rows.analyzer[i, 1]
     analyzer = (cos_2phi * turns[2] - sin_2phi * turns[3], sin_2phi * turns[2] + cos_2phi * turns[3])
     retarder = (rows.retarder[i, 0], rows.retarder[i, 1], rows.retarder[i, 2], rows.retarder[i, 3])
-    diattenuation = rows.diattenuation[i] * p[_DIATTENUATION]
+    diattenuation = rows.diattenuation[i] * p[DIATTENUATION]
     signal = analyzer_signal(reflection, (s0, s1, s2, s3), analyzer, retarder, diattenuation)
     # signal_s and signal_p are R_s and R_p times a gain; an analyzer passes half of unpolarized light.
-    return signal if code == _SIGNAL else 2.0 * signal
+    return signal if code == SIGNAL else 2.0 * signal
 
 
 @inlined
@@ -129,7 +130,7 @@ def background(rows: Rows, i: int, p: FloatArray) -> float:
     """Dark offset and diffuse light of row i, in its own unit."""
     if rows.code[i] > LAST_POWER:
         return 0.0
-    return float(p[_DARK] + p[_DIFFUSE] * rows.largest[i])
+    return float(p[DARK] + p[DIFFUSE] * rows.largest[i])
 
 
 @kernel

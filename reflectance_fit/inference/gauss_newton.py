@@ -11,8 +11,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.inference.likelihood import cholesky_solve
-from reflectance_fit.inference.normal_equations import Problem, normal_equations, objective
+from reflectance_fit.inference.cholesky import cholesky_solve
+from reflectance_fit.inference.normal_equations import normal_equations
+from reflectance_fit.inference.problem import Problem, objective
 from reflectance_fit.inference.rows import Rows
 from reflectance_fit.physics.jit import inlined, kernel
 

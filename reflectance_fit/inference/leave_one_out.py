@@ -23,7 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.inference import ladder, posterior
-from reflectance_fit.inference.likelihood import cholesky_solve, design, terms
+from reflectance_fit.inference.cholesky import cholesky_solve
+from reflectance_fit.inference.likelihood import design, terms
 from reflectance_fit.inference.models import Model
 from reflectance_fit.inference.optimize import Basin
 from reflectance_fit.inference.rows import Rows

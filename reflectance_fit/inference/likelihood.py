@@ -35,15 +35,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.inference.censored import log_normal_cdf
+from reflectance_fit.inference.cholesky import cholesky_solve, inverse_diagonal
 from reflectance_fit.inference.forward import FIRST_SIGMA, at_angle, background, incidence, turns_of
-from reflectance_fit.inference.rows import CODES, Rows
+from reflectance_fit.inference.rows import DELTA, Rows
 from reflectance_fit.inference.student import evaluate_heavy_tailed
-from reflectance_fit.observations import Quantity
 from reflectance_fit.physics.jit import kernel, pasted
 
 FloatArray = NDArray[np.float64]
 
-_DELTA = CODES[Quantity.DELTA_DEG]
 _STEP = 1e-6  # radians; central difference, error about 1e-10 relative
 _ROUNDS = 4  # of the fixed point in the gains; each gains a factor of order (sigma_theta v / sigma)^2 / N
 
@@ -69,7 +68,7 @@ def design(
                 below = value
             else:
                 rise = value - below
-                if rows.code[i] == _DELTA:
+                if rows.code[i] == DELTA:
                     rise = (rise + 180.0) % 360.0 - 180.0
                 slope[i] = rise / (2 * _STEP)
         sigma[i] = rows.sigma[i] if rows.estimated[i] < 0 else math.exp(p[FIRST_SIGMA + rows.estimated[i]])
@@ -78,49 +77,9 @@ def design(
         else:
             # What is left after the model, as gains do not touch it; Delta is a circle.
             target[i] = rows.value[i] - background(rows, i, p) - f[i]
-            if rows.code[i] == _DELTA:
+            if rows.code[i] == DELTA:
                 target[i] = (target[i] + 180.0) % 360.0 - 180.0
     return True
-
-
-@kernel
-def cholesky_solve(n: FloatArray, rhs: FloatArray) -> float:
-    """Solve n x = rhs in place (n becomes its factor, rhs becomes x); log det n, NaN if not positive."""
-    size = len(rhs)
-    log_det = 0.0
-    for j in range(size):
-        for m in range(j):
-            n[j, j] -= n[j, m] * n[j, m]
-        if not n[j, j] > 0:
-            return math.nan
-        n[j, j] = math.sqrt(n[j, j])
-        log_det += 2 * math.log(n[j, j])
-        for i in range(j + 1, size):
-            for m in range(j):
-                n[i, j] -= n[i, m] * n[j, m]
-            n[i, j] /= n[j, j]
-    for i in range(size):
-        for m in range(i):
-            rhs[i] -= n[i, m] * rhs[m]
-        rhs[i] /= n[i, i]
-    for i in range(size - 1, -1, -1):
-        for m in range(i + 1, size):
-            rhs[i] -= n[m, i] * rhs[m]
-        rhs[i] /= n[i, i]
-    return log_det
-
-
-@kernel
-def _inverse_diagonal(factor: FloatArray, j: int, work: FloatArray) -> float:
-    """Element (j, j) of the inverse of L L^T, given L."""
-    total = 0.0
-    for i in range(j, len(work)):
-        work[i] = 1.0 if i == j else 0.0
-        for m in range(j, i):
-            work[i] -= factor[i, m] * work[m]
-        work[i] /= factor[i, i]
-        total += work[i] * work[i]
-    return total
 
 
 @pasted
@@ -182,7 +141,7 @@ def evaluate_normal(
     for g in range(rows.gains):
         if not gains[g] > 0:
             return math.nan, 0.0, 0.0
-        variance[g] = _inverse_diagonal(normal, g, rhs)
+        variance[g] = inverse_diagonal(normal, g, rhs)
         u2 = min(variance[g] / gains[g] ** 2, 0.04)
         log_integral += math.log(1 + u2 * (1 + u2 * (3 + 15 * u2))) - math.log(gains[g])
     log_integral -= 0.5 * log_det_normal

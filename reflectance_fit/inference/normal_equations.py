@@ -1,7 +1,6 @@
-"""The objective of a fit and its normal equations, compiled: what a Newton step is made of.
+"""The normal equations of `problem`'s objective, compiled: what a Newton step is made of.
 
-The objective is F(x) = chi2 + log det S + sum of ((x_j - mean_j) / sigma_j)^2, the deviance of `likelihood`
-and the penalties of normal priors.  In whitened residuals r and their derivatives D = dr/dx,
+In whitened residuals r and their derivatives D = dr/dx,
 
     grad F / 2 = D^T r          Hess F / 2 ~ D^T S^-1 D - C^T N^-1 C,   C = A^T S^-1 D,  N = A^T S^-1 A
 
@@ -15,134 +14,21 @@ by its square; in total reflection and for phases k itself is the better coordin
 from __future__ import annotations
 
 import math
-from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from reflectance_fit.inference.cholesky import cholesky_solve
 from reflectance_fit.inference.derivatives import gradient_at_angle
-from reflectance_fit.inference.forward import FIRST_NUISANCE, FIRST_SIGMA, K, incidence, turns_of
-from reflectance_fit.inference.likelihood import cholesky_solve, evaluate_normal, stated_log_det
-from reflectance_fit.inference.models import Model, search_ranges
+from reflectance_fit.inference.forward import DARK, DIFFUSE, FIRST_SIGMA, OFFSET, K, incidence, turns_of
+from reflectance_fit.inference.problem import Problem, fill_vector
 from reflectance_fit.inference.rows import LAST_POWER, Rows
-from reflectance_fit.physics.jit import inlined, kernel, pasted
-from reflectance_fit.priors import NUISANCES, Prior
+from reflectance_fit.physics.jit import pasted
 
 FloatArray = NDArray[np.float64]
 
-_OFFSET, _DARK, _DIFFUSE = (
-    FIRST_NUISANCE + NUISANCES[name].index for name in ("angle_offset_deg", "dark_offset", "diffuse")
-)
 # Below it slopes by k^2 are those of this k: at k = 0 itself they are 0 / 0.
 _SMALL_K = 1e-4
-
-
-class Problem(NamedTuple):
-    """A model as the kernels read it: P coordinates x and what they stand for.
-
-    ``places`` are their indices in the full vector of `forward`, whose other
-    parts ``template`` holds; ``logarithmic`` marks those that are logarithms
-    of it.  ``weight`` is 1 / sigma of a normal prior about ``mean``, else 0.
-    ``stated`` is log det of the stated sigmas, ``square`` the coordinate that
-    is k itself (-1: none), ``exact`` whether D^T r is the whole gradient,
-    ``optics`` whether source, analyzer or diattenuation are free.
-    """
-
-    template: FloatArray
-    places: NDArray[np.int64]
-    logarithmic: NDArray[np.bool_]
-    mean: FloatArray
-    weight: FloatArray
-    low: FloatArray
-    high: FloatArray
-    stated: float
-    square: int
-    exact: bool
-    optics: bool
-
-
-def problem_of(model: Model, rows: Rows) -> Problem:
-    """The kernels' view of ``model`` fitted to ``rows``."""
-    return _of_model(model.priors, tuple(model.places.tolist()))._replace(
-        template=model.template,
-        stated=stated_log_det(rows),
-        exact=not (rows.errors_in_angle or rows.heavy_tailed or bool(rows.censored.any())),
-    )
-
-
-@lru_cache(maxsize=64)
-def _of_model(priors: tuple[Prior, ...], places: tuple[int, ...]) -> Problem:
-    """What a problem has of its model alone; many channels are fitted with one."""
-    at = np.array(places)
-    normal = np.array([prior.kind == "normal" for prior in priors])
-    logarithmic = np.array([prior.kind == "log_uniform" for prior in priors])
-    plain_k = np.flatnonzero((at == K) & ~logarithmic)
-    low, high = np.ascontiguousarray(search_ranges(priors).T)
-    return Problem(
-        template=np.empty(0),
-        places=at,
-        logarithmic=logarithmic & (at < FIRST_SIGMA),
-        mean=np.array([prior.mean for prior in priors]),
-        weight=np.array([1 / p.sigma if n else 0.0 for p, n in zip(priors, normal, strict=True)]),
-        low=low,
-        high=high,
-        stated=0.0,
-        square=int(plain_k[0]) if len(plain_k) else -1,
-        exact=True,
-        optics=bool(np.any((at > _DIFFUSE) & (at < FIRST_SIGMA))),
-    )
-
-
-@inlined
-def fill_vector(problem: Problem, x: FloatArray, p: FloatArray) -> None:
-    """The full vector of coordinates ``x``."""
-    for j in range(len(p)):
-        p[j] = problem.template[j]
-    for j in range(len(x)):
-        p[problem.places[j]] = math.exp(x[j]) if problem.logarithmic[j] else x[j]
-
-
-@pasted
-def objective(rows: Rows, problem: Problem, x: FloatArray, whitened: FloatArray, gains: FloatArray) -> float:
-    """F at ``x``, inf outside of the model's domain; fills the whitened residuals and the gains."""
-    p, spread = np.empty(len(problem.template)), np.empty(len(whitened))
-    fill_vector(problem, x, p)
-    chi2, log_det, _ = evaluate_normal(rows, p, whitened, spread, gains)
-    value = chi2 + log_det - problem.stated
-    for j in range(len(x)):
-        value += ((x[j] - problem.mean[j]) * problem.weight[j]) ** 2
-    return value if math.isfinite(value) else math.inf
-
-
-@kernel
-def objectives(rows: Rows, problem: Problem, points: FloatArray) -> FloatArray:
-    """F at each of D points, shape (D, P); the sigmas to be estimated are first set to what the residuals say."""
-    n = len(rows.value)
-    whitened, gains = np.empty(n), np.empty(rows.gains)
-    values = np.empty(len(points))
-    sums, counts = np.empty(points.shape[1]), np.empty(points.shape[1])
-    first = len(sums)
-    for j in range(len(sums) - 1, -1, -1):
-        if problem.places[j] >= FIRST_SIGMA:
-            first = j
-    for d in range(len(points)):
-        # Each by its closed form; gains and residuals change with the sigmas' ratios, hence twice.
-        for turn in range(3 if first < len(sums) else 1):
-            values[d] = objective(rows, problem, points[d], whitened, gains)
-            if turn == 2 or first == len(sums) or not math.isfinite(values[d]):
-                break
-            for j in range(len(sums)):
-                sums[j], counts[j] = 0.0, 0.0
-            for i in range(n):
-                if rows.estimated[i] >= 0 and not rows.censored[i]:
-                    sums[first + rows.estimated[i]] += whitened[i] ** 2
-                    counts[first + rows.estimated[i]] += 1
-            for j in range(first, len(sums)):
-                if sums[j] > 0:
-                    moved = points[d, j] + 0.5 * math.log(sums[j] / counts[j])
-                    points[d, j] = min(max(moved, problem.low[j]), problem.high[j])
-    return values
 
 
 @pasted
@@ -191,9 +77,9 @@ def normal_equations(
         gain = gains[g] if g >= 0 else 1.0
         e = rows.estimated[i]
         sigma = rows.sigma[i] if e < 0 else math.exp(p[FIRST_SIGMA + e])
-        slope = gain * math.degrees(by_p[_OFFSET]) / sigma
+        slope = gain * math.degrees(by_p[OFFSET]) / sigma
         if rows.code[i] <= LAST_POWER:
-            by_p[_DARK], by_p[_DIFFUSE] = 1 / gain, rows.largest[i] / gain
+            by_p[DARK], by_p[DIFFUSE] = 1 / gain, rows.largest[i] / gain
         for j in range(size):
             place = problem.places[j]
             if place < FIRST_SIGMA:

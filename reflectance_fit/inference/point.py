@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.inference.fisher import Information, information
-from reflectance_fit.inference.forward import FIRST_NUISANCE
+from reflectance_fit.inference.forward import DARK, DIFFUSE
 from reflectance_fit.inference.models import FREE
-from reflectance_fit.inference.rows import CODES, LAST_POWER, Rows
-from reflectance_fit.observations import Observations, Quantity
+from reflectance_fit.inference.rows import LAST_POWER
+from reflectance_fit.observations import Observations
 from reflectance_fit.priors import NUISANCES
 from reflectance_fit.result import Fit
 
@@ -67,13 +67,8 @@ def at_best(
 
 def background_of(info: Information) -> FloatArray:
     """Dark and diffuse light at the point of ``info``, in each row's unit."""
-    dark, diffuse = (info.vector[FIRST_NUISANCE + NUISANCES[n].index] for n in ("dark_offset", "diffuse"))
-    return np.where(info.rows.code <= LAST_POWER, dark + diffuse * info.rows.largest, 0.0)
-
-
-def wrapped(rows: Rows, change: FloatArray) -> FloatArray:
-    """Differences of rows, those of Delta on its circle."""
-    return np.where(rows.code == CODES[Quantity.DELTA_DEG], (change + 180.0) % 360.0 - 180.0, change)
+    light = info.vector[DARK] + info.vector[DIFFUSE] * info.rows.largest
+    return np.where(info.rows.code <= LAST_POWER, light, 0.0)
 
 
 def residuals(fit: Fit) -> FloatArray:

@@ -15,7 +15,10 @@ IntArray = NDArray[np.int64]
 
 # The kernel's codes.  Powers first, so that `code <= LAST_POWER` asks for a power.
 CODES = {quantity: code for code, quantity in enumerate(Quantity)}
-LAST_POWER = CODES[Quantity.SIGNAL]
+REFLECTANCE_S, REFLECTANCE_P = CODES[Quantity.REFLECTANCE_S], CODES[Quantity.REFLECTANCE_P]
+REFLECTANCE, SIGNAL, RATIO = CODES[Quantity.REFLECTANCE], CODES[Quantity.SIGNAL], CODES[Quantity.RATIO_PS]
+DOLP, PSI, DELTA = CODES[Quantity.DOLP], CODES[Quantity.PSI_DEG], CODES[Quantity.DELTA_DEG]
+LAST_POWER = SIGNAL
 
 
 class Rows(NamedTuple):
@@ -68,6 +71,11 @@ def gain_names(observations: Observations) -> list[str]:
 def estimated_names(observations: Observations) -> list[str]:
     """The quantities of which no sigma was stated, in the order of the kernel's index."""
     return sorted({str(q) for q in observations.quantity[np.isnan(observations.sigma)]})
+
+
+def wrapped(rows: Rows, change: FloatArray) -> FloatArray:
+    """Differences of the values of N rows, shape (..., N); those of Delta on its circle."""
+    return np.where(rows.code == DELTA, (change + 180.0) % 360.0 - 180.0, change)
 
 
 def _cos_sin(angle_deg: FloatArray) -> FloatArray:

@@ -28,6 +28,9 @@ MODELS = tuple(models.FREE)
 Progress = Callable[[str, int, int], None]
 
 _ASSUME = "where k = 0 may be taken for granted, --model dielectric gives eta"
+# k = 0 is a finding where eta is known without it: the ends of its 95 % interval, k free, by no more than this factor
+# apart.  Glasses in a handful of readings at 1 % have 1.2 at most, metals that pass for dielectrics 3 at least.
+_KNOWN_WITHIN = 1.5
 
 _log = logging.getLogger(__name__)
 
@@ -75,7 +78,7 @@ def fit_channel(
         )
 
     chosen, reason, k_samples = found.choice.chosen, found.choice.reason, None
-    ridge = False
+    ridge = unbounded = False
     if model == "conductor" or (model == "auto" and "conductor" in names):
         both = tried.beside(chosen, "conductor")
         ridge = _one_equation(observations, both, exterior_ior, priors)
@@ -88,7 +91,7 @@ def fit_channel(
             # k = 0 was chosen because k adds nothing; how large it may be is the conductor's to say.  One quantile
             # is all that is wanted, which importance sampling gives in a tenth of emcee's time, or says that it cannot.
             k_samples = draw(both, "importance", 1, posterior.LIMIT_ESS)
-            if _unbounded(k_samples, priors):
+            if unbounded := _unbounded(k_samples, priors):
                 chosen, reason, k_samples = both, f"k is neither needed nor bounded; {_ASSUME}", None
     if chosen.noise == "normal":
         optimum, basins = search.confirmed(chosen.model, chosen.rows, gains, chosen.optimum, chosen.basins)
@@ -117,7 +120,9 @@ def fit_channel(
         chosen_because=reason,
         posterior=samples,
         k_posterior=k_samples,
-        intervals=_intervals(chosen.model, samples, k_samples, priors, derived, ridge=ridge),
+        intervals=_intervals(
+            chosen.model, samples, k_samples, priors, derived, ridge=ridge, unbounded=unbounded
+        ),
         derived=derived,
         estimated_sigma={q: chosen.optimum.parameters[f"sigma[{q}]"] for q in estimated},
         priors={**priors, **dict(zip(chosen.model.names, chosen.model.priors, strict=True))},
@@ -146,10 +151,18 @@ def _one_equation(
 
 
 def _unbounded(conductor: Posterior, priors: Mapping[str, Prior]) -> bool:
-    """Whether k, left free, may be anything, or eta with it: then k = 0 is an assumption, not a finding."""
+    """Whether k, left free, may be anything, or moves eta: then k = 0 is an assumption, not a finding."""
     limit = float(np.quantile(conductor.samples["k"], 0.95))
     eta = interval(conductor.samples["eta"], priors["eta"])
-    return limit > UNINFORMED_SHARE * priors["k"].high or eta.status == "not_identified"
+    return limit > UNINFORMED_SHARE * priors["k"].high or _depends_on_k(eta)
+
+
+def _depends_on_k(eta: Interval) -> bool:
+    """Whether eta is not known while k is free; of several modes each may be."""
+    if eta.ci95 is None or eta.modes:
+        return False
+    low, high = eta.ci95
+    return high > _KNOWN_WITHIN * low
 
 
 def _intervals(
@@ -160,8 +173,12 @@ def _intervals(
     derived: dict[str, FloatArray],
     *,
     ridge: bool,
+    unbounded: bool,
 ) -> dict[str, Interval]:
-    """``ridge``: one number is all that is known of eta and k, and the ends of their curve are the priors'."""
+    """``ridge``: one number is all that is known of eta and k, and the ends of their curve are the priors'.
+
+    ``unbounded``: k is free only because k = 0 would have been an assumption; the rows do not ask for it.
+    """
     known = {
         n: Interval(float(p.low), None, None, None, "fixed") for n, p in priors.items() if p.kind == "fixed"
     }
@@ -177,10 +194,14 @@ def _intervals(
     else:
         k = Interval(0.0, None, None, None, "fixed")
     if ridge:
-        eta, k = (
-            replace(found, median=None, sd=None, ci68=None, status="not_identified", modes=())
-            for found in (eta, interval(samples.samples["k"]))
-        )
+        eta, k = _unknown(eta), _unknown(interval(samples.samples["k"]))
+    elif unbounded:
+        eta = _unknown(eta) if _depends_on_k(eta) else eta
+        k = _unknown(k) if k.status == "identified" else k
     angle, share = Prior("uniform", 0.0, 90.0), Prior("uniform", 0.0, 1.0)
     others = {name: interval(d, share if name == "r0" else angle) for name, d in derived.items()}
     return {"eta": eta, "k": k, **others}
+
+
+def _unknown(found: Interval) -> Interval:
+    return replace(found, median=None, sd=None, ci68=None, status="not_identified", modes=())

@@ -20,7 +20,7 @@ from reflectance_fit.inference.gauss_newton import descend_all
 from reflectance_fit.inference.least_squares import least_squares
 from reflectance_fit.inference.likelihood import deviances, evaluate
 from reflectance_fit.inference.models import Model
-from reflectance_fit.inference.normal_equations import Problem, objective, objectives, problem_of
+from reflectance_fit.inference.problem import Problem, objective, objectives, problem_of
 from reflectance_fit.inference.rows import CODES, Rows
 from reflectance_fit.observations import Quantity
 from reflectance_fit.result import Optimum

@@ -14,6 +14,19 @@ from reflectance_fit.physics.jit import inlined
 
 
 @inlined
+def wave(s2: float, eta: float, k: float) -> tuple[float, float, float, float, float]:
+    """epsilon = (eta + ik)^2 by its parts, |q^2| and q = sqrt(epsilon - s2) = u + iv by its parts, u and v >= 0."""
+    epsilon_re, epsilon_im = (eta - k) * (eta + k), 2 * eta * k
+    a = epsilon_re - s2
+    h = math.sqrt(a * a + epsilon_im * epsilon_im)
+    # u and v, both from the one square root that does not cancel.
+    larger = math.sqrt(0.5 * (h + abs(a)))
+    smaller = 0.5 * epsilon_im / larger if larger > 0 else 0.0
+    u, v = (larger, smaller) if a >= 0 else (smaller, larger)
+    return epsilon_re, epsilon_im, h, u, v
+
+
+@inlined
 def interface(c: float, s: float, eta: float, k: float) -> tuple[float, float, float, float]:
     """R_s, R_p and the real and imaginary part of r_s conj(r_p).
 
@@ -21,13 +34,7 @@ def interface(c: float, s: float, eta: float, k: float) -> tuple[float, float, f
     eta + ik relative, eta > 0, k >= 0.
     """
     c2, s2 = c * c, s * s
-    # q = sqrt(epsilon - s2) = u + iv, both from the one square root that does not cancel.
-    epsilon_re, epsilon_im = (eta - k) * (eta + k), 2 * eta * k
-    a = epsilon_re - s2
-    h = math.sqrt(a * a + epsilon_im * epsilon_im)
-    larger = math.sqrt(0.5 * (h + abs(a)))
-    smaller = 0.5 * epsilon_im / larger if larger > 0 else 0.0
-    u, v = (larger, smaller) if a >= 0 else (smaller, larger)
+    epsilon_re, epsilon_im, h, u, v = wave(s2, eta, k)
     d = (c + u) ** 2 + v * v
     e = (u * c + s2) ** 2 + (v * c) ** 2
     contrast_re = (eta - 1) * (eta + 1) - k * k

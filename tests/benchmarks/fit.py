@@ -15,7 +15,8 @@ from inference_scenes import PRIORS, Scene, build, scene
 from numpy.typing import NDArray
 
 from reflectance_fit.inference import models, optimize, search
-from reflectance_fit.inference.normal_equations import normal_equations, objective, problem_of
+from reflectance_fit.inference.normal_equations import normal_equations
+from reflectance_fit.inference.problem import objective, problem_of
 
 Floats = NDArray[np.float64]
 

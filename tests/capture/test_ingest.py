@@ -103,7 +103,11 @@ def test_a_whole_capture(capture):
     assert ingested.measurement.warnings == ()
     assert [sample.frame.file for sample in ingested.samples] == [f"raw/{i:03d}.dng" for i in range(SAMPLES)]
     frames = len(list((capture.parent / "raw").iterdir()))
-    assert told == [("reading frames", i, frames) for i in range(1, frames + 1)]
+    darks = len(ingested.capture.role("dark"))
+    assert told == [
+        *(("looking for hot pixels", i, darks) for i in range(1, darks + 1)),
+        *(("reading frames", i, frames) for i in range(1, frames + 1)),
+    ]
     assert [file for file, _ in ingested.measurement.inputs[1:]] == [
         f"raw/{i:03d}.dng" for i in range(frames)
     ]

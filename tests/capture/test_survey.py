@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from reflectance_fit.capture.align import align
+from reflectance_fit.capture.geometry import bins_of
 from reflectance_fit.capture.ingest import ingest
 from reflectance_fit.capture.raw import decode
 from reflectance_fit.capture.read import read_capture
@@ -135,7 +136,8 @@ def test_a_wedge_is_followed_to_a_fiftieth_of_a_pixel(tmp_path):
     path, optics = board(tmp_path / "capture")
     capture = read_capture(path)
     frames = capture.role("sample")
-    shifts, errors = align([[frame.path for frame in frames]], Reading(), "translation")
+    samples = {frames[0].path: bins_of(capture, frames[0]).box()}
+    shifts, errors = align([[frame.path for frame in frames]], Reading(), "translation", samples)
     assert not errors
     first = optics.shift_px(frames[0].analyzer_deg)
     for frame in frames:

@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from reflectance_fit.capture.raw import decode
+from reflectance_fit.capture.reading import Reading, read_frame
 from reflectance_fit.capture.structure import check_structure
 from reflectance_fit.capture.tiff import CFA, read_tags
 from reflectance_fit.errors import ReflectanceFitError
@@ -280,7 +281,7 @@ def test_a_picture_of_one_value(write):
 def test_white_not_above_black(write, white):
     path = write(build(image(t50717=(SHORT, [white])), pixels=PIXELS.tobytes()))
     with pytest.raises(ReflectanceFitError, match=f"black level 100 is not below its white level {white}"):
-        decode(path)
+        read_frame(path, Reading())
 
 
 def test_a_plain_tiff_that_libraw_takes_for_raw(tmp_path):

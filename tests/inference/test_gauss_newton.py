@@ -10,7 +10,8 @@ from scipy.optimize import minimize
 
 from reflectance_fit.inference import models, search
 from reflectance_fit.inference.gauss_newton import descend_all
-from reflectance_fit.inference.normal_equations import normal_equations, objective, problem_of
+from reflectance_fit.inference.normal_equations import normal_equations
+from reflectance_fit.inference.problem import objective, problem_of
 from reflectance_fit.inference.rows import estimated_names, gain_names, pack
 from reflectance_fit.observations import concatenate
 from reflectance_fit.physics.fresnel import reflectances

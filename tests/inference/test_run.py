@@ -63,6 +63,38 @@ def test_glass_is_a_dielectric_with_an_upper_limit_on_k(rows_of, priors):
     )
 
 
+def test_k_0_is_no_finding_where_eta_depends_on_it(rows_of, priors):
+    """Near normal incidence chromium's rows are those of a dielectric of eta 6.9, or of anything from 2 to 7 with some k.
+
+    At these angles and 1 % a glass is known without k = 0, too.
+    """
+    theta = np.array([10.0, 20.0, 30.0, 40.0])
+
+    def near_normal(eta, k, seed):
+        generator = np.random.default_rng(seed)
+        r = reflectances(np.cos(np.radians(theta)), eta, k)
+        sigma = 0.01 * float(np.mean([r.s, r.p]))
+        parts = [
+            rows_of(
+                theta, quantity, power + sigma * generator.standard_normal(4), sigma=sigma, gain_group="lamp"
+            )
+            for quantity, power in (("signal_s", r.s), ("signal_p", r.p))
+        ]
+        return fit(concatenate(parts), priors, method="importance")
+
+    seen = 0
+    for seed in range(6):
+        found = near_normal(3.18, 3.33, seed)
+        low, high = found.intervals["eta"].ci95
+        assert found.intervals["eta"].status == "not_identified"
+        assert found.intervals["eta"].median is None
+        assert low < 3.18 < high
+        seen += "neither needed nor bounded" in found.chosen_because
+        glass = near_normal(1.52, 0.0, seed)
+        assert glass.intervals["eta"].status == "identified"
+    assert seen >= 4
+
+
 def test_what_auto_adds_is_sampled_and_told(rows_of, priors):
     """Angles 1 degree off, and nothing said of nuisances: eta and its interval come with the offset free."""
     o = scan(rows_of, 1.5, 0.0, 0.003)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from reflectance_fit.inference import optimize, search, starts
 from reflectance_fit.inference.gauss_newton import descend_all
-from reflectance_fit.inference.normal_equations import objective, objectives, problem_of
+from reflectance_fit.inference.problem import objective, objectives, problem_of
 
 Floats = NDArray[np.float64]
 
