@@ -20,6 +20,7 @@ from reflectance_fit.data_synthetic.sensor import Sensor
 from reflectance_fit.data_synthetic.spec import standard_spec
 
 SENSOR = Sensor(width=480, height=360)
+LARGER = Sensor(width=960, height=720)  # a printed marker's edges are blurred over a pixel, not half of one
 
 
 def written(folder, shape="flat", **changes):
@@ -117,8 +118,8 @@ def test_a_view_that_shows_more_of_something_else_is_rejected_by_name(tmp_path):
 def board(folder, wedge_px=2.6, registration="translation"):
     """A board seen through a wedge, its angles stated as if nobody had found the board."""
     spec = standard_spec("N-BK7", shape="board", angles_deg=(50.0,))
-    optics = Optics(focal_px=3.2 * SENSOR.width, blur_px=0.7, wedge_px=wedge_px)
-    spec = replace(spec, sensor=SENSOR, optics=optics, geometry_views=0)
+    optics = Optics(focal_px=3.2 * LARGER.width, blur_px=0.7, wedge_px=wedge_px)
+    spec = replace(spec, sensor=LARGER, optics=optics, geometry_views=0)
     path = write_capture(folder, spec)
 
     def change(manifest):
@@ -148,10 +149,14 @@ def test_a_wedge_is_followed_to_a_fiftieth_of_a_pixel(tmp_path):
 
 def test_a_frame_of_something_else_does_not_register(tmp_path):
     path, _ = board(tmp_path / "capture")
-    other = written(tmp_path / "other")
     capture = read_capture(path)
     stranger = capture.role("sample")[2]
-    stranger.path.write_bytes((other.parent / "raw" / "000.dng").read_bytes())
+    frame = decode(stranger.path)
+    metadata = DngMetadata(
+        "RGGB", 14, tuple(int(b) for b in frame.black.flat), 15871, frame.exposure_s, 100, ((1e-4, 1e-6),) * 3
+    )
+    noise = np.random.default_rng(0).poisson(4000.0, frame.cfa.shape)
+    write_dng(stranger.path, noise.astype(np.uint16), metadata)
     ingested = ingest(capture)
     assert set(ingested.rejected) == {stranger.file}
     assert "does not register with 000.dng: correlation" in ingested.rejected[stranger.file]
