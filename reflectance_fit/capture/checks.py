@@ -72,9 +72,9 @@ def _camera(m: Manifest) -> Iterator[Finding]:
         yield ("camera",), "dofp_layout_deg is missing; add the axes of the 2 x 2 pixels"
     elif not dofp and camera.dofp_layout_deg is not None:
         yield ("camera", "dofp_layout_deg"), "belongs to dofp sensors; remove it"
-    yield from _levels(m)
     if camera.dofp_layout_deg is not None and len(_directions(camera.dofp_layout_deg)) < 3:
         yield ("camera", "dofp_layout_deg"), "must have three different axes at least; are these degrees?"
+    yield from _levels(m)
     if camera.noise:
         for key in ("gain_e_per_dn", "read_noise_e"):
             yield from _covers(m, ("camera", "noise", key), getattr(camera.noise, key))

@@ -106,21 +106,22 @@ def ingest(
         problems = [Problem(str(capture.path), None, f"{file} {reason}") for file, reason in rejected.items()]
         raise ReflectanceFitError(problems)
     rows_of = flat_rows if isinstance(capture.geometry, Stated) else angle_rows
-    observations = rows_of(capture, merged(samples))
+    views = merged(samples)
+    observations = rows_of(capture, views)
     stated = capture.nuisances
     notes = [Note("ROWS_IGNORED", f"{file} {reason}") for file, reason in rejected.items()]
     notes += looked.notes
-    white = [
-        _flat_alone(capture, flat, settings, means) for flat in capture.role("flat") if flat.path in means
-    ]
-    notes += [Note("NOT_LINEAR", text) for text in _nonlinear([*samples, *white])]
-    notes += check_balance(capture, samples)
+    notes += check_balance(capture, views)
     if not all(
         _knows_noise(capture, means[s.frame.path], plane.channel) for s in samples for plane in s.signals
     ):
         message = "sigma is from how neighbouring pixels of the flats differ, their own differences included"
         if capture.role("flat"):
             notes.append(Note("SIGMA_ESTIMATED", f"{message}; take the flats and a dark in pairs"))
+    white = [
+        _flat_alone(capture, flat, settings, means) for flat in capture.role("flat") if flat.path in means
+    ]
+    notes += [Note("NOT_LINEAR", text) for text in _nonlinear([*samples, *white])]
     if any(frame.sha256 is None for frame in capture.frames):
         notes.append(
             Note("NO_HASHES", "a damaged photograph can pass unnoticed; ingest --write-hashes states them")

@@ -59,7 +59,7 @@ def read_frame(path: Path, reading: Reading) -> RawFrame:
     if reading.offset_map or reading.gain_map:
         maps = _maps(reading.offset_map, reading.gain_map, frame.cfa.shape)
     white = measured_white(frame.cfa, frame.black, frame.white)
-    return replace(frame, measured_white=white, maps=maps)
+    return replace(frame, maps=maps, measured_white=white)
 
 
 def _of_samples(path: Path, reading: Reading, encoding: str) -> RawFrame:

@@ -84,12 +84,15 @@ def _over(own: Signals, references: Sequence[tuple[Signals, float]]) -> Signals:
     gain = np.sum(weight * gains, axis=0) / weight.sum(axis=0)
     variance = np.sum(weight**2 * variances, axis=0) / weight.sum(axis=0) ** 2
     value = own.value / gain
+    # Every exposure of the sample is divided by the same frames.
+    common = (value / gain) ** 2 * variance
     clipped = np.any([s.saturated for s, _ in references], axis=0)
     faint = gain < LEAST_SIGNAL * np.sqrt(np.nan_to_num(variance))
     return replace(
         own,
         value=value,
-        variance=(own.variance + value**2 * variance) / gain**2,
+        variance=own.variance / gain**2 + common,
+        unlike=own.unlike / gain**2 + common,
         per_dn=own.per_dn / np.abs(gain),
         rejected=own.rejected | clipped | faint,
     )

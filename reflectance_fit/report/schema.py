@@ -225,6 +225,7 @@ class Warning(_Part):
         "TOLERANCE_FLOOR",
         "ROWS_IGNORED",
         "MASKED",
+        "IMBALANCE",
         "NOT_LINEAR",
     ]
     channel: str | None
