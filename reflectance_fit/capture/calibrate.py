@@ -93,7 +93,7 @@ def calibrate(
     """
     signals = {}
     for plane, own in means.over(bins).items():
-        channel = _channel(frame, plane)
+        channel = channel_of(frame, plane)
         if channel is None:
             continue
         noise = _noise(capture, frame, plane, means, darks, [flat[0] for flat in flats])
@@ -139,7 +139,7 @@ def _is_saturated(means: PlaneMeans) -> NDArray[np.bool_]:
     return np.asarray(means.saturated > SATURATED_SHARE * means.pixels)
 
 
-def _channel(frame: Frame, plane: Plane) -> str | None:
+def channel_of(frame: Frame, plane: Plane) -> str | None:
     """The manifest's name of what a plane of the file sees; None for what the frame is not used for."""
     name = frame.channels[0] if plane.channel == "mono" else plane.channel
     return name if name in frame.channels else None

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from reflectance_fit.capture.board import Board
 from reflectance_fit.capture.camera import Camera, Vector
-from reflectance_fit.capture.manifest import Role
+from reflectance_fit.capture.manifest import Registration, Role
 from reflectance_fit.capture.photon_transfer import PhotonTransfer
 from reflectance_fit.capture.reading import Reading
 from reflectance_fit.priors import Prior
@@ -193,6 +193,7 @@ class Capture:
     light_shape: str
     light_uniform: bool
     half_angle_deg: float
+    registration: Registration
     frames: tuple[Frame, ...]
     nuisances: dict[str, float | None] | None
     priors: dict[str, Prior]

@@ -20,7 +20,7 @@ from reflectance_fit.capture.frames import (
     SphereSought,
     Stated,
 )
-from reflectance_fit.capture.manifest import Ball, Camera, FrameEntry, Manifest, read_manifest
+from reflectance_fit.capture.manifest import Ball, Camera, FrameEntry, Manifest, Registration, read_manifest
 from reflectance_fit.capture.reading import Reading
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.inputs import existing, sha256_of
@@ -64,6 +64,7 @@ def read_capture(path: str | Path) -> Capture:
         light_shape=manifest.light.shape,
         light_uniform=manifest.light.uniform,
         half_angle_deg=manifest.light.half_angle_deg,
+        registration=_registration(manifest),
         frames=tuple(
             _frame(manifest, entry, where, document.line(("frames", i)) or 0)
             for i, (entry, where) in enumerate(zip(manifest.frames, paths, strict=True))
@@ -147,6 +148,11 @@ def _geometry(manifest: Manifest) -> Geometry:
         stated = geometry.charuco
         return BoardSought(Board((across, down), stated.square_mm, stated.marker_mm, stated.dictionary))
     return Stated(_or_nan(geometry.s_axis_deg))
+
+
+def _registration(manifest: Manifest) -> Registration:
+    """What is stated; else a board is registered, and what may have no texture to hold on to is not."""
+    return manifest.registration or ("translation" if manifest.geometry.kind == "charuco" else "none")
 
 
 def _frame(manifest: Manifest, entry: FrameEntry, path: Path, line: int) -> Frame:

@@ -1,118 +1,117 @@
-"""Cells of four polarizers tested one by one: against a loop over cells, noise alone, and planted faults."""
+"""Small pictures of frames: every pixel in its own cell and plane, once."""
 
-import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from reflectance_fit.capture.bins import Mask
-from reflectance_fit.capture.cells import uneven_cells
-from reflectance_fit.capture.pixel_maps import PixelMaps
-from reflectance_fit.capture.raw import RawFrame
-from reflectance_fit.physics.stokes import analyzer_signal
+from reflectance_fit.capture.bins import Mask, Region, Shift
+from reflectance_fit.capture.cells import MOST_CELLS, CellPicture, box_over, cell_means, grid_over
+from reflectance_fit.capture.raw import Plane, RawFrame
 
-CELL = np.array([[90.0, 45.0], [135.0, 0.0]])
-NOISE = (0.5, 4.0)  # 2 electrons a DN, read noise of 2 DN
-BLACK = 64.0
+RGGB = np.array([["R", "G"], ["G", "B"]])
 
 
-def frame_of(cfa, colour=False, maps=None):
-    n = 4 if colour else 2
-    channels = (
-        np.array(list("RGGB")).reshape(2, 2).repeat(2, 0).repeat(2, 1) if colour else np.full((2, 2), "mono")
-    )
-    axes = np.tile(CELL, (n // 2, n // 2))
-    levels = np.full((n, n), BLACK), np.full((n, n), 4095.0)
-    return RawFrame(cfa, channels, axes, *levels, None, None, None, maps=maps)
+def frame(height, width, seed=0, channels=RGGB):
+    n = len(channels)
+    cfa = np.random.default_rng(seed).integers(500, 9000, (height, width), dtype=np.uint16)
+    black = 500.0 + np.arange(n * n).reshape(n, n)
+    return RawFrame(cfa, channels, np.full((n, n), np.nan), black, np.full((n, n), 9e4), None, None, None)
 
 
-def light(shape=(240, 320), seed=1, level=1500.0):
-    """Partly polarized light that varies slowly, with the noise of NOISE."""
-    y, x = np.indices(shape)
-    dolp, aolp = 0.3 + 0.3 * x / shape[1], 0.01 * y
-    stokes = np.stack(
-        [np.ones(shape), dolp * np.cos(2 * aolp), dolp * np.sin(2 * aolp), np.zeros(shape)], axis=-1
-    )
-    axes = np.radians(np.tile(CELL, (shape[0] // 2, shape[1] // 2)))
-    mean = level * analyzer_signal(stokes, axes)
-    generator = np.random.default_rng(seed)
-    sigma = np.sqrt(NOISE[0] * mean + NOISE[1])
-    return np.rint(BLACK + mean + sigma * generator.standard_normal(shape)).astype(np.uint16)
+def literal(one, grid, plane, moved=(0, 0)):
+    """A loop over cells: the pixels of the plane in each, less their black."""
+    n = len(one.channels)
+    means = np.full((grid.rows, grid.columns), np.nan)
+    for row in range(grid.rows):
+        for column in range(grid.columns):
+            values = []
+            for y in range(
+                grid.top + row * grid.pitch + moved[1], grid.top + (row + 1) * grid.pitch + moved[1]
+            ):
+                for x in range(
+                    grid.left + column * grid.pitch + moved[0],
+                    grid.left + (column + 1) * grid.pitch + moved[0],
+                ):
+                    inside = 0 <= y < one.cfa.shape[0] and 0 <= x < one.cfa.shape[1]
+                    if not inside:
+                        values.append(np.nan)
+                    elif one.channels[y % n, x % n] == plane.channel:
+                        values.append(float(one.cfa[y, x]) - one.black[y % n, x % n])
+            means[row, column] = np.mean(values)
+    return means
 
 
-def one_by_one(cfa, box, n, noise):
-    """Cells of every group, of pixels whose top left corner is a multiple of 2."""
-    found = {}
-    rows, columns = box
-    names = np.array(list("RGGB")).reshape(2, 2) if n == 4 else np.full((2, 2), "mono")
-    for y in range(0, cfa.shape[0] - 1, 2):
-        for x in range(0, cfa.shape[1] - 1, 2):
-            inside = rows.start <= y and y + 2 <= rows.stop and columns.start <= x and x + 2 <= columns.stop
-            if not inside:
-                continue
-            signal = cfa[y : y + 2, x : x + 2].astype(float) - BLACK
-            if (cfa[y : y + 2, x : x + 2] >= BLACK + 0.98 * (4095 - BLACK)).any():
-                continue
-            variance = noise[0] * np.maximum(signal, 0) + noise[1] + (0.005 * signal) ** 2
-            z = (signal[1, 1] + signal[0, 0] - signal[0, 1] - signal[1, 0]) / math.sqrt(variance.sum())
-            entry = found.setdefault(str(names[y // 2 % 2, x // 2 % 2]), [0, 0])
-            entry[0] += abs(z) > 4
-            entry[1] += 1
-    return {name: tuple(entry) for name, entry in found.items()}
-
-
-@pytest.mark.parametrize("colour", [False, True])
-@pytest.mark.parametrize(
-    "box", [(0, 0, 240, 320), (3, 5, 101, 222), (10, 0, 12, 2), (7, 7, 8, 8), (0, 0, 999, 999)]
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(
+    box=st.tuples(*[st.integers(0, 40)] * 2, *[st.integers(4, 60)] * 2),
+    moved=st.tuples(*[st.integers(-4, 4)] * 2),
+    quad=st.booleans(),
 )
-def test_counts_are_those_of_a_loop(colour, box):
-    cfa = light()
-    cfa[::7, ::5] += 400
-    cfa[30:34, 50:70] = 4095
-    where = slice(box[0], box[2]), slice(box[1], box[3])
-    noise = dict.fromkeys(("mono", "R", "G", "B"), NOISE)
-    found = uneven_cells(frame_of(cfa, colour), where, noise)
-    expected = one_by_one(cfa, where, 4 if colour else 2, NOISE)
-    assert {c: entry for c, entry in found.items() if entry[1]} == expected
+def test_cells_are_the_means_of_a_loop_over_pixels(box, moved, quad):
+    channels = np.repeat(np.repeat(RGGB, 2, axis=0), 2, axis=1) if quad else RGGB
+    n = len(channels)
+    one = frame(48, 64, channels=channels)
+    x0, y0, width, height = box
+    shift = Shift(offset=(n * moved[0] + 0.4, n * moved[1] - 0.3))
+    cells = cell_means(one, Region(x0, y0, x0 + width, y0 + height).box(), shift)
+    assert cells.planes == (Plane("R"), Plane("G"), Plane("B"))
+    for plane, mean in zip(cells.planes, cells.means, strict=True):
+        wanted = literal(one, cells.grid, plane, (n * moved[0], n * moved[1]))
+        np.testing.assert_allclose(mean, wanted, rtol=1e-5)
 
 
-def test_noise_alone_leaves_almost_none():
-    (beyond, cells) = uneven_cells(frame_of(light()), (slice(0, 240), slice(0, 320)), {"mono": NOISE})["mono"]
-    assert cells == 120 * 160
-    assert beyond < 1e-3 * cells
+@given(size=st.tuples(*[st.integers(2, 9000)] * 2), n=st.sampled_from([2, 4]))
+def test_grids_are_small_and_lie_in_the_box(size, n):
+    grid = grid_over((slice(3, 3 + size[0]), slice(5, 5 + size[1])), (7000, 8000), n)
+    assert max(grid.rows, grid.columns) <= MOST_CELLS
+    assert grid.left % n == grid.top % n == grid.pitch % n == 0
+    assert grid.left >= 5
+    assert grid.top >= 3
+    assert grid.left + grid.pitch * grid.columns <= min(5 + size[1], 8000)
+    assert grid.top + grid.pitch * grid.rows <= min(3 + size[0], 7000)
 
 
-def test_a_mask_takes_cells_out():
-    cfa = light()
-    cfa[100, 100] += 2000
-    whole = slice(0, 240), slice(0, 320)
-    masked = np.zeros(cfa.shape, dtype=bool)
-    masked[100, 100] = True
-    beyond, cells = uneven_cells(frame_of(cfa), whole, {"mono": NOISE})["mono"]
-    fewer = uneven_cells(frame_of(cfa), whole, {"mono": NOISE}, Mask.of(masked))["mono"]
-    assert fewer == (beyond - 1, cells - 1)
+def test_a_clipped_pixel_makes_its_cell_infinite():
+    one = frame(32, 32)
+    one = replace(one, white=np.full((2, 2), 20000.0))
+    one.cfa[8, 12] = 19990  # red
+    cells = cell_means(one, Region(0, 0, 32, 32).box())
+    assert {(cells.planes[p].channel, y, x) for p, y, x in np.argwhere(np.isinf(cells.means))} == {
+        ("R", 4, 6)
+    }
 
 
-def test_a_gain_map_evens_cells_out():
-    generator = np.random.default_rng(4)
-    gain = generator.uniform(0.9, 1.1, (240, 320)).astype(np.float32)
-    cfa = np.rint((light().astype(float) - BLACK) / gain + BLACK).astype(np.uint16)
-    whole = slice(0, 240), slice(0, 320)
-    raw = uneven_cells(frame_of(cfa), whole, {"mono": NOISE})["mono"]
-    mapped = uneven_cells(frame_of(cfa, maps=PixelMaps(None, gain)), whole, {"mono": NOISE})["mono"]
-    assert raw[0] > 0.1 * raw[1]
-    assert mapped[0] < 1e-3 * mapped[1]
+def test_what_is_saved_is_loaded(tmp_path):
+    cells = cell_means(frame(32, 40), Region(3, 5, 30, 29).box())
+    cells = replace(cells, planes=(Plane("R", 45.0), Plane("G"), Plane("B", 0.0)))
+    cells.save(tmp_path / "one.npz")
+    loaded = CellPicture.load(tmp_path / "one.npz")
+    assert (loaded.planes, loaded.grid, loaded.shape) == (cells.planes, cells.grid, (32, 40))
+    np.testing.assert_array_equal(loaded.means, cells.means)
 
 
-def test_sensors_without_such_cells_have_none():
-    plain = RawFrame(
-        light(),
-        np.full((2, 2), "mono"),
-        np.full((2, 2), np.nan),
-        *[np.full((2, 2), 64.0)] * 2,
-        None,
-        None,
-        None,
-    )
-    assert uneven_cells(plain, (slice(0, 240), slice(0, 320)), {"mono": NOISE}) == {}
-    assert uneven_cells(frame_of(light()), (slice(0, 240), slice(0, 320)), {}) == {}
+def test_a_mask_of_cells_is_their_pixels():
+    grid = grid_over((slice(4, 30), slice(7, 41)), (33, 45), 2)
+    masked = np.random.default_rng(0).random((grid.rows, grid.columns)) < 0.3
+    picture = np.zeros((33, 45), dtype=bool)
+    for row, column in np.argwhere(masked):
+        y, x = grid.top + row * grid.pitch, grid.left + column * grid.pitch
+        picture[y : y + grid.pitch, x : x + grid.pitch] = True
+    mask = grid.mask(masked, (33, 45))
+    np.testing.assert_array_equal(mask.picture(), picture)
+    np.testing.assert_array_equal(mask.bits, Mask.of(picture).bits)
+
+
+def test_the_box_over_bins_holds_them_all():
+    assert box_over([Region(2, 3, 10, 12), Region(1, 5, 8, 20)]) == (slice(3, 20), slice(1, 10))
+
+
+def test_centres_are_the_mean_positions_of_the_pixels():
+    grid = grid_over((slice(10, 50), slice(6, 70)), (100, 100), 2)
+    x, y = grid.centres()
+    assert x.shape == y.shape == (grid.rows, grid.columns)
+    assert x[0, 3] == pytest.approx(np.mean(np.arange(6 + 3 * grid.pitch, 6 + 4 * grid.pitch)))
+    assert y[2, 0] == pytest.approx(np.mean(np.arange(10 + 2 * grid.pitch, 10 + 3 * grid.pitch)))
