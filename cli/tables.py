@@ -115,11 +115,12 @@ def print_frames(ingested: Ingested, out: Path) -> None:
             *signals,
             Text(printable(status)),
         )
+    told = [Text(printable(line)) for line in ingested.told]
     notes = [
         Text(f"{note.code}: {printable(note.message)}", style="yellow")
         for note in ingested.measurement.warnings
     ]
-    show(table, *notes)
+    show(table, *told, *notes)
     click.echo(f"wrote {out}: {len(ingested.measurement.observations)} rows")
 
 

@@ -56,7 +56,7 @@ def _camera(spec: CaptureSpec) -> dict[str, Any]:
     data["channels"] = {
         c.name: {"wavelength_nm": plain(c.wavelength_nm), "fwhm_nm": plain(c.fwhm_nm)} for c in spec.channels
     }
-    if spec.shape == "sphere" and spec.optics.focal_px is not None:
+    if spec.optics.focal_px is not None and not spec.geometry_views:
         data["focal_length_px"] = spec.optics.focal_px
     if spec.files == "tiff":
         # The file has nothing but pixels, and one black level is all that can be said.

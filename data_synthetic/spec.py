@@ -56,7 +56,7 @@ class CaptureSpec:
     longer or shorter.  ``darks`` are frames for each exposure time in use,
     ``flats`` frames of a white, unpolarized target, taken anew at each of
     ``flat_stops`` shorter.  ``geometry_views`` show the board alone in other
-    poses.  ``noise_profile`` False keeps the noise out of the files.
+    poses; without any, capture.yaml states the focal length.  ``noise_profile`` False keeps the noise out of the files.
     ``stated_diattenuation`` is what capture.yaml says of the analyzer.
     """
 

@@ -55,18 +55,18 @@ def _merge(view: Sequence[Calibrated]) -> Calibrated:
 
 
 def _merge_signals(signals: Sequence[Signals], seconds: FloatArray) -> Signals:
-    """Weighted means over exposures of shape (bins,); a bin that all of them clip is that of the shortest.
+    """Weighted means over exposures of shape (bins,); a bin that none of them has is that of the shortest.
 
-    What the same pixels repeat at every exposure (``unlike``) does not average out.
+    A bin is not had where it is clipped or rejected.  What the same pixels repeat at every exposure (``unlike``) does not average out.
     """
-    saturated = np.stack([s.saturated for s in signals])
+    missing = np.stack([s.saturated | s.rejected for s in signals])
     own = np.stack([s.variance - s.unlike for s in signals])
     known = np.isfinite(own).all(axis=0) & (own > 0).all(axis=0)
     # Where no noise is known light counts, as for shot noise.
     weight = np.where(known, 1 / np.where(known, own, 1.0), seconds[:, None])
     shortest = np.arange(len(signals))[:, None] == np.argmin(seconds)
-    clipped = np.asarray(saturated.all(axis=0))
-    weight = np.where(clipped, shortest, np.where(saturated, 0.0, weight))
+    nowhere = missing.all(axis=0)
+    weight = np.where(nowhere, shortest, np.where(missing, 0.0, weight))
     weight = weight / weight.sum(axis=0)
 
     def mean(values: Sequence[NDArray[np.float64]]) -> FloatArray:
@@ -79,5 +79,6 @@ def _merge_signals(signals: Sequence[Signals], seconds: FloatArray) -> Signals:
         variance=np.sum(weight**2 * np.where(weight > 0, own, 0.0), axis=0) + unlike,
         unlike=unlike,
         per_dn=mean([s.per_dn for s in signals]),
-        saturated=clipped,
+        saturated=nowhere & signals[int(np.argmin(seconds))].saturated,
+        rejected=nowhere & signals[int(np.argmin(seconds))].rejected,
     )

@@ -1,12 +1,14 @@
-"""What a capture.yaml may not say: what contradicts itself, and what this version cannot do yet."""
+"""What a capture.yaml may not say: what contradicts itself."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from pathlib import PurePath
 
+from reflectance_fit.capture.frames import WHITE
 from reflectance_fit.capture.manifest import FrameEntry, Manifest
 from reflectance_fit.errors import Problem, ReflectanceFitError, suggestion
+from reflectance_fit.materials import library
 from reflectance_fit.strict_yaml import Document
 
 Place = tuple[str | int, ...]
@@ -16,25 +18,6 @@ BAYER = ("R", "G", "B")
 NOT_RAW = frozenset(
     (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".gif", ".webp", ".heic", ".heif", ".exr", ".avif")
 )
-
-
-def check_supported(manifest: Manifest, document: Document) -> None:
-    """ReflectanceFitError with a line for each thing asked for that is not supported yet."""
-    problems = [
-        document.problem(place, f"{'.'.join(map(str, place))}: {what} not supported yet")
-        for place, what in _unsupported(manifest)
-    ]
-    if problems:
-        raise ReflectanceFitError(problems)
-
-
-def _unsupported(m: Manifest) -> Iterator[Finding]:
-    """The one list of refusals: (place, subject and verb)."""
-    if m.camera.sensor in ("dofp", "dofp_bayer"):
-        yield ("camera", "sensor"), f"{m.camera.sensor}: sensors with polarizers on the pixels are"
-    for i, frame in enumerate(m.frames):
-        if frame.role not in ("sample", "dark", "flat", "geometry"):
-            yield ("frames", i, "role"), f"the role {frame.role} is"
 
 
 def contradictions(manifest: Manifest, document: Document) -> list[Problem]:
@@ -68,6 +51,8 @@ def _camera(m: Manifest) -> Iterator[Finding]:
         yield ("camera",), "dofp_layout_deg is missing; add the axes of the 2 x 2 pixels"
     elif not dofp and camera.dofp_layout_deg is not None:
         yield ("camera", "dofp_layout_deg"), "belongs to dofp sensors; remove it"
+    if camera.dofp_layout_deg is not None and len(_directions(camera.dofp_layout_deg)) < 3:
+        yield ("camera", "dofp_layout_deg"), "must have three different axes at least; are these degrees?"
     yield from _levels(m)
     if camera.noise:
         for key in ("gain_e_per_dn", "read_noise_e"):
@@ -154,6 +139,13 @@ def _frame(m: Manifest, i: int, frame: FrameEntry) -> Iterator[Finding]:
     if m.camera.encoding is None and PurePath(frame.file).suffix.lower() in NOT_RAW:
         message = "8-bit and gamma-encoded images are refused unless camera.encoding says how to undo that"
         yield (*here, "file"), f"'{frame.file}' is not RAW; {message}; give the camera's RAW file"
+    dofp = m.camera.sensor in ("dofp", "dofp_bayer")
+    if dofp and frame.analyzer_deg is not None:
+        message = (
+            "is of a polarizer before the lens, and this sensor has its own; take it off and remove the key"
+        )
+        yield (*here, "analyzer_deg"), message
+    yield from _auxiliary(m, here, frame)
     if frame.role != "sample":
         return
     if kind != "stated":
@@ -163,7 +155,7 @@ def _frame(m: Manifest, i: int, frame: FrameEntry) -> Iterator[Finding]:
                 yield (*here, key), f"belongs to geometry kind: stated; here {source} says it; remove it"
     elif frame.theta_deg is None:
         yield here, "theta_deg is missing; add the angle of incidence in degrees"
-    if frame.analyzer_deg is None and m.camera.sensor in ("bayer", "mono"):
+    if frame.analyzer_deg is None and not dofp:
         yield here, "analyzer_deg is missing; add the direction of the polarizer in degrees"
     if frame.retarder_deg is not None and kind != "stated":
         yield (
@@ -178,6 +170,40 @@ def _frame(m: Manifest, i: int, frame: FrameEntry) -> Iterator[Finding]:
                 (*here, "retarder_deg"),
                 f"needs the retarder's retardance_deg for {', '.join(absent)}; add it",
             )
+
+
+def _auxiliary(m: Manifest, here: Place, frame: FrameEntry) -> Iterator[Finding]:
+    """Frames of references and polarizers."""
+    if frame.role == "reference":
+        if m.geometry.kind != "stated":
+            yield (*here, "role"), "reference belongs to geometry kind: stated; remove the frame"
+        elif frame.theta_deg is None:
+            yield here, "theta_deg is missing; add the angle of incidence in degrees"
+        if frame.material is None:
+            yield here, f"material is missing; add a built-in material or {WHITE}"
+        elif frame.material != WHITE:
+            try:
+                constants = library.get(frame.material)
+                for name in m.camera.channels if frame.channel is None else (frame.channel,):
+                    if name in m.camera.channels:
+                        constants.absolute_index(m.camera.channels[name].wavelength_nm)
+            except ReflectanceFitError as error:
+                yield (*here, "material"), str(error)
+    elif frame.material is not None:
+        yield (*here, "material"), "belongs to role: reference; remove it"
+    dofp = m.camera.sensor in ("dofp", "dofp_bayer")
+    if frame.role in ("reference", "polarizer") and frame.analyzer_deg is None and not dofp:
+        yield here, "analyzer_deg is missing; add the direction of the polarizer in degrees"
+    if frame.role == "polarizer" and frame.light and not any(frame.light.vector()[1:3]):
+        message = (
+            "of a polarizer frame must be linearly polarized, or say nothing of a linear source; correct it"
+        )
+        yield (*here, "light"), message
+
+
+def _directions(layout_deg: Iterable[Iterable[float]]) -> set[float]:
+    """Axes of one turn, without those that are alike."""
+    return {round(axis % 180.0, 6) % 180.0 for row in layout_deg for axis in row}
 
 
 def _region(place: Place, region: tuple[int, ...] | None) -> Iterator[Finding]:

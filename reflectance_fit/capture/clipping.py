@@ -57,7 +57,7 @@ def _spike(dn: NDArray[np.uint16], black: float, white: float) -> float | None:
     widest = max(1, round(_WIDTH * (top - black)))
     if np.count_nonzero(dn > top - widest) < _MIN_PIXELS:
         return None
-    noise = _noise_at(dn[::_NOISE_ROWS], black, top)
+    noise = _noise_at(dn[::_NOISE_ROWS], black, top, widest)
     # Without noise every even patch is a spike; with it, one that is narrower than noise is none of the scene's.
     if noise < 1.0:
         return None
@@ -67,14 +67,15 @@ def _spike(dn: NDArray[np.uint16], black: float, white: float) -> float | None:
     return float(top - width + 1) if spike >= _MIN_PIXELS and spike > _RATIO * below else None
 
 
-def _noise_at(dn: NDArray[np.uint16], black: float, top: int) -> float:
+def _noise_at(dn: NDArray[np.uint16], black: float, top: int, widest: int) -> float:
     """Standard deviation of shot noise at ``top``, DN, from how neighbours differ where there is light."""
     runs = dn[:, : dn.shape[1] // _RUN * _RUN].reshape(-1, _RUN)
-    # Whole runs of clipped pixels have no noise.
-    light = runs[runs.max(axis=1, initial=0) < top].astype(np.float32) - np.float32(black)
+    # Clipped pixels have no shot noise.
+    light = runs[runs.max(axis=1, initial=0) <= top - widest].astype(np.float32) - np.float32(black)
     mean = light.mean(axis=1)
     lit = mean > _LIT * (top - black)
     if not lit.any():
         return 0.0
-    variance = 0.5 * np.mean(np.diff(light[lit], axis=1) ** 2, axis=1)
+    # Second differences, of variance 6, are blind to gradients.
+    variance = np.mean(np.diff(light[lit], n=2, axis=1) ** 2, axis=1) / 6
     return float(np.sqrt(np.median(variance / mean[lit]) * (top - black)))

@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 from reflectance_fit.capture.board import Board
 from reflectance_fit.capture.camera import Camera, Vector
-from reflectance_fit.capture.manifest import Role
+from reflectance_fit.capture.manifest import Registration, Role
+from reflectance_fit.capture.photon_transfer import PhotonTransfer
 from reflectance_fit.capture.reading import Reading
 from reflectance_fit.priors import Prior
 from reflectance_fit.strict_yaml import Document
@@ -19,6 +20,8 @@ from reflectance_fit.strict_yaml import Document
 # A file's 1/60 s and a manifest's 0.0167 s are the same; neighbouring settings of a camera differ by 12 % or more.
 _SAME_SETTING = 0.005
 _SAME_AXIS_DEG = 0.01
+WHITE = "white"
+"""A reference without polarization, whatever lights it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +124,9 @@ class Frame:
     manifest states.  ``light`` is the incident Stokes vector in the (s, p)
     frame.  ``region`` is (x0, y0, x1, y1), x1 and y1 exclusive; None: all.
     ``gain_group`` is None where each bin of angles has a gain of its own.
-    ``channels`` are those the frame is used for.
+    ``channels`` are those the frame is used for.  ``material`` is that of a
+    reference.  The light of a polarizer frame is in the picture's frame, NaN
+    but for its power where it is not stated.
     """
 
     file: str
@@ -140,6 +145,7 @@ class Frame:
     set: str
     gain_group: str | None
     channels: tuple[str, ...]
+    material: str | None = None
 
     def box(self, shape: tuple[int, int]) -> tuple[int, int, int, int]:
         """The region as far as a picture of (h, w) goes, one pixel at least."""
@@ -161,11 +167,13 @@ class Capture:
 
     ``noise``, ``diattenuation`` and ``retardance_deg`` have a value for each
     channel; ``noise`` is None where the manifest states none, a retardance
-    NaN.  ``nuisances`` maps name to stated sigma, None for the documented
-    default (``nuisances.nuisance_sigmas`` fills it in when the data are
-    known); it is None where the choice is left to the fit, empty where all
-    are forbidden.  ``priors`` holds eta and k.  ``inputs`` are (file as
-    written, sha256); the manifest alone, until the frames are read.
+    NaN; ``polarizer_stated`` is False where diattenuation 1 is a guess.
+    ``transfer`` is noise measured on pairs of frames, by channel.
+    ``nuisances`` maps name to stated sigma, None for the documented default
+    (``nuisances.nuisance_sigmas`` fills it in when the data are known); it is
+    None where the choice is left to the fit, empty where all are forbidden.
+    ``priors`` holds eta and k.  ``inputs`` are (file as written, sha256): the
+    manifest and the maps of the camera, until the frames are read.
     ``document`` has the lines for messages.
     """
 
@@ -176,13 +184,16 @@ class Capture:
     reading: Reading
     channels: dict[str, Channel]
     noise: dict[str, Noise] | None
+    transfer: dict[str, PhotonTransfer]
     focal_length_px: float | None
     diattenuation: dict[str, float]
+    polarizer_stated: bool
     retardance_deg: dict[str, float]
     geometry: Geometry
     light_shape: str
     light_uniform: bool
     half_angle_deg: float
+    registration: Registration
     frames: tuple[Frame, ...]
     nuisances: dict[str, float | None] | None
     priors: dict[str, Prior]
@@ -221,7 +232,7 @@ def flats_for(frame: Frame, frames: Iterable[Frame]) -> tuple[Frame, ...]:
         for flat in frames
         if flat.role == "flat" and flat.set == frame.set and set(flat.channels) & set(frame.channels)
     ]
-    named = tuple(flat for flat in flats if _same_axis(flat.analyzer_deg, frame.analyzer_deg))
+    named = tuple(flat for flat in flats if same_axis(flat.analyzer_deg, frame.analyzer_deg))
     return named or tuple(flat for flat in flats if math.isnan(flat.analyzer_deg))
 
 
@@ -232,6 +243,6 @@ def same_setting(one: Fraction | float | None, other: Fraction | float | None) -
     return math.isclose(one, other, rel_tol=_SAME_SETTING)
 
 
-def _same_axis(one: float, other: float) -> bool:
+def same_axis(one: float, other: float) -> bool:
     """Whether two transmission axes agree: an axis has no direction, so 0 and 180 degrees are one."""
     return abs(math.remainder(one - other, 180.0)) <= _SAME_AXIS_DEG

@@ -18,9 +18,14 @@ SECTORS = 6
 
 
 def bins_of(capture: Capture, frame: Frame) -> Bins:
-    """The bins that a sample frame is averaged over; the geometry is one that ``locate`` has found."""
+    """The bins that a frame is averaged over; the geometry is one that ``locate`` has found.
+
+    The lamp of a polarizer frame fills its region.
+    """
     geometry = capture.geometry
     region = Region() if frame.region is None else Region(*frame.region)
+    if frame.role == "polarizer":
+        return region
     analyzer = None if math.isnan(frame.analyzer_deg) else math.radians(frame.analyzer_deg)
     edges = tuple(float(np.radians(edge)) for edge in RING_EDGES_DEG)
     if isinstance(geometry, OnBoard):

@@ -34,7 +34,8 @@ def departures(exposures: Sequence[tuple[Fraction, Signals]]) -> list[Departure]
         return []
     values = np.stack([s.value for _, s in exposures])
     variances = np.stack([s.variance - s.unlike for _, s in exposures])
-    usable = ~np.any([s.saturated for _, s in exposures], axis=0) & np.isfinite(values).all(axis=0)
+    usable = ~np.any([s.saturated | s.rejected for _, s in exposures], axis=0)
+    usable &= np.isfinite(values).all(axis=0)
     level = values.mean(axis=0)
     usable &= level > _DIM * np.max(level, where=usable, initial=0.0)
     if not usable.any():

@@ -75,6 +75,7 @@ Pixel = Annotated[int, Field(strict=True, ge=0)]
 Label = Annotated[Text, BeforeValidator(_label, json_schema_input_type=str | int)]
 Sha256 = Annotated[str, AfterValidator(_hexadecimal)]
 Region = Annotated[tuple[Pixel, ...], Field(min_length=4, max_length=4)]
+Registration = Literal["none", "translation", "euclidean"]
 Role = Literal["sample", "dark", "flat", "reference", "polarizer", "geometry"]
 
 
@@ -105,6 +106,13 @@ class Camera(Block):
     noise: Noise | None = Field(default=None, description="Default: the DNG's NoiseProfile, else from flats")
     focal_length_px: Positive | None = Field(
         default=None, description="Focal length in pixels: models the spread of theta over the region"
+    )
+    offset_map: Text | None = Field(
+        default=None, description="TIFF file: DN of each pixel without light, in place of the black level"
+    )
+    gain_map: Text | None = Field(
+        default=None,
+        description="TIFF file: factor of each pixel's counts; only ratios between pixels matter",
     )
     encoding: Literal["linear", "srgb"] | None = Field(
         default=None, description="The frames are PNG or TIFF, not RAW: how their values follow light"
@@ -215,6 +223,9 @@ class FrameEntry(Block):
     region: Region | None = Field(default=None, description="[x0, y0, x1, y1] of this frame")
     s_axis_deg: Number | None = Field(default=None, description="Of this frame")
     gain_group: Text | None = Field(default=None, description="Frames of one group share one unknown gain")
+    material: Text | None = Field(
+        default=None, description="reference: what is seen, a built-in material or 'white'"
+    )
     set: Label = Field(default="0", description="Frames taken in one go")
     channel: Label | None = Field(default=None, description="Use the frame for this channel alone")
 
@@ -234,6 +245,10 @@ class Manifest(Subject):
     geometry: Geometry = Field(description="Where the angles of incidence come from")
     region: Region | None = Field(
         default=None, description="[x0, y0, x1, y1] in raw sensor pixels, x1 and y1 exclusive; default: all"
+    )
+    registration: Registration | None = Field(
+        default=None,
+        description="How frames of one view may be shifted against each other; default: by the geometry",
     )
     frames: Annotated[tuple[FrameEntry, ...], Field(min_length=1)] = Field(
         description="One entry a photograph"

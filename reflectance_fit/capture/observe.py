@@ -53,6 +53,7 @@ def _stated(capture: Capture, frame: Frame, plane: Plane, signals: Signals) -> R
         per_dn=signals.per_dn,
         pixels=signals.pixels,
         saturated=signals.saturated,
+        rejected=signals.rejected,
     )
 
 
@@ -81,6 +82,7 @@ def _measured(board: OnBoard, frame: Frame, signals: Signals) -> Rows:
         per_dn=of("per_dn"),
         pixels=np.asarray(signals.pixels[seen]),
         saturated=np.asarray(signals.saturated[seen]),
+        rejected=np.asarray(signals.rejected[seen]),
     )
 
 
@@ -125,6 +127,7 @@ class Rows:
     per_dn: FloatArray
     pixels: NDArray[np.int64]
     saturated: NDArray[np.bool_]
+    rejected: NDArray[np.bool_]
 
 
 def _pool(capture: Capture, signals: Sequence[Signals], frame: Frame) -> Rows:
@@ -157,6 +160,7 @@ def _pool(capture: Capture, signals: Sequence[Signals], frame: Frame) -> Rows:
         per_dn=mean("per_dn"),
         pixels=total.astype(np.int64),
         saturated=clipped[kept],
+        rejected=np.zeros(int(np.count_nonzero(kept)), dtype=np.bool_),
     )
 
 
@@ -200,7 +204,7 @@ def _observations(capture: Capture, channel: str, frame: Frame, rows: Rows) -> O
         value=rows.value,
         sigma=sigma,
         pixels=rows.pixels,
-        flag=np.where(rows.saturated, str(Flag.SATURATED), str(Flag.USED)),
+        flag=np.select([rows.rejected, rows.saturated], [Flag.REJECTED, Flag.SATURATED], Flag.USED),
         fwhm_nm=np.full(n, capture.channels[channel].fwhm_nm),
         signal_per_dn=rows.per_dn,
     )

@@ -6,6 +6,8 @@ or at least says by its ActiveArea what is not picture.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,7 +17,9 @@ FloatArray = NDArray[np.float64]
 
 _MIN_PIXELS = 400  # of each position of the cell: a black level to a twentieth of read noise
 _NEAR = 4  # pixels beside the picture that light leaks into
-_SPREAD = 0.01  # of the range: dark pixels differ by less, lit ones by more
+_SPREAD = 0.01  # of white: dark pixels differ by less
+_HIGHEST = 0.2  # of white: no black level is above
+_NOISE_ONLY = 1.5  # spread over how neighbours differ: above it there is a picture
 
 
 def measured_black(
@@ -55,7 +59,9 @@ def measured_black(
                 return None
             middle = np.median(dn)
             spread = max(1.4826 * float(np.median(np.abs(dn - middle))), 0.5)
-            if spread > _SPREAD * white:
+            beside = 1.4826 * float(np.median(np.abs(np.diff(dn)))) / math.sqrt(2)
+            dark = spread <= _SPREAD * white and middle <= _HIGHEST * white
+            if not dark or spread > _NOISE_ONLY * max(beside, 0.5):
                 return None
             found[y, x] = dn[np.abs(dn - middle) <= 5 * spread].mean()
     return found

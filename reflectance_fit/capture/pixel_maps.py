@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from reflectance_fit.errors import Problem, ReflectanceFitError
 
 Image = NDArray[np.float32]
+AnyImage = NDArray[np.integer[Any]] | NDArray[np.floating[Any]]
 
 # A factor this far from the typical pixel's is a dead pixel or another quantity, not a gain.
 _FAR = 10.0
@@ -33,9 +35,21 @@ class PixelMaps:
         return counts if self.gain is None else counts * self.gain[where]
 
 
+def read_map(path: Path) -> AnyImage:
+    """The picture of one map, of whole or floating-point numbers; ReflectanceFitError for what is none."""
+    import cv2  # here, for it takes a quarter of a second that other sensors need not pay
+
+    image: NDArray[Any] | None = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise _wrong(str(path), "cannot be read as a picture; give a TIFF file")
+    if image.ndim != 2:
+        raise _wrong(str(path), "has several samples a pixel; give a picture with one number a pixel")
+    return image
+
+
 def checked_maps(
-    offset: NDArray[np.generic] | None,
-    gain: NDArray[np.generic] | None,
+    offset: AnyImage | None,
+    gain: AnyImage | None,
     shape: tuple[int, ...],
     names: tuple[str, str],
 ) -> PixelMaps:

@@ -27,7 +27,7 @@ _STRAY_SHARE = 0.01
 _VARIED = 0.1  # of the rows: fewer, and the scene or the test picture is even
 # Variance over signal, both as parts of the range, is one over the electrons a pixel holds: cameras
 # at their highest ISO come to 0.03, white noise over the whole range to 0.17.
-_MOST_NOISE = 0.1
+_MOST_NOISE = 0.06
 _DIM = 0.1  # below this part of the range read noise counts
 _RUN = 32  # pixels of one position in a row, over which light changes little
 

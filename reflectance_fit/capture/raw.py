@@ -19,6 +19,7 @@ import rawpy
 from numpy.typing import NDArray
 
 from reflectance_fit.capture.optical_black import measured_black
+from reflectance_fit.capture.pixel_maps import PixelMaps
 from reflectance_fit.capture.structure import check_structure
 from reflectance_fit.capture.tiff import RawTags, read_tags
 from reflectance_fit.errors import Problem, ReflectanceFitError
@@ -63,6 +64,10 @@ class RawFrame:
         DNG's model: variance S x + O, normalised to black 0 and white 1.
     measured_white : float, shape (n, n), or None
         Where the pixels of this frame show that the sensor clips, at most ``white``.
+    maps : PixelMaps or None
+        Offset and gain of every pixel, where the camera has been measured.
+    unused_bits : int
+        How many low bits the file left empty; ``cfa`` is without them.
     """
 
     cfa: NDArray[np.uint16]
@@ -74,6 +79,8 @@ class RawFrame:
     iso: float | None
     noise_profile: dict[str, tuple[float, float]] | None
     measured_white: NDArray[np.float64] | None = None
+    maps: PixelMaps | None = None
+    unused_bits: int = 0
 
     @property
     def clip(self) -> NDArray[np.float64]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,9 +12,12 @@ from numpy.typing import NDArray
 
 from reflectance_fit.capture.clipping import measured_white
 from reflectance_fit.capture.images import decode_samples
+from reflectance_fit.capture.pixel_maps import PixelMaps, checked_maps, read_map
 from reflectance_fit.capture.plausible import implausible
 from reflectance_fit.capture.raw import RawFrame, decode
 from reflectance_fit.errors import Problem, ReflectanceFitError
+
+_MOST_UNUSED = 8  # bits of 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +30,7 @@ class Reading:
     ``pattern`` the colours of the 2 x 2 cell, or of 2 x 2 groups of a
     dofp_bayer, where the files do not tell.  ``black_dn`` and ``white_dn``
     replace the files' levels, by channel of the sensor ("mono" without filters).
+    ``offset_map`` and ``gain_map`` are TIFF files of the camera's own.
     """
 
     sensor: str = "bayer"
@@ -34,6 +39,8 @@ class Reading:
     pattern: str = "RGGB"
     black_dn: Mapping[str, float] | None = None
     white_dn: Mapping[str, float] | None = None
+    offset_map: Path | None = None
+    gain_map: Path | None = None
 
 
 def read_frame(path: Path, reading: Reading) -> RawFrame:
@@ -44,11 +51,15 @@ def read_frame(path: Path, reading: Reading) -> RawFrame:
     something that is no photograph.
     """
     frame = decode(path) if reading.encoding is None else _of_samples(path, reading, reading.encoding)
-    frame = _with_levels(_as_stated(frame, reading), reading)
+    frame = _without_unused_bits(_with_levels(_as_stated(frame, reading), reading))
     reason = implausible(frame.cfa, frame.black, frame.white)
     if reason:
         raise ReflectanceFitError(Problem(str(path), None, reason))
-    return replace(frame, measured_white=measured_white(frame.cfa, frame.black, frame.white))
+    maps = None
+    if reading.offset_map or reading.gain_map:
+        maps = _maps(reading.offset_map, reading.gain_map, frame.cfa.shape)
+    white = measured_white(frame.cfa, frame.black, frame.white)
+    return replace(frame, maps=maps, measured_white=white)
 
 
 def _of_samples(path: Path, reading: Reading, encoding: str) -> RawFrame:
@@ -70,6 +81,37 @@ def _pattern(reading: Reading) -> NDArray[np.str_]:
     return np.array(list(reading.pattern)).reshape(2, 2)
 
 
+@functools.lru_cache(maxsize=1)
+def _maps(offset: Path | None, gain: Path | None, shape: tuple[int, ...]) -> PixelMaps:
+    """Read once a process: all frames of a capture have the same."""
+    images = [None if path is None else read_map(path) for path in (offset, gain)]
+    return checked_maps(images[0], images[1], shape, (str(offset), str(gain)))
+
+
+def _without_unused_bits(frame: RawFrame) -> RawFrame:
+    """A sample of 12 bits may come in the upper part of 16: then every value is a multiple of 16.
+
+    Looked for where there are no colour filters in the file, as machine-vision
+    cameras write; a photographic camera's gaps are of its white balance.  Two
+    empty bits are the least: a digital gain of 2 leaves one.  Neighbouring
+    multiples must occur, or the picture merely has few values.
+    """
+    if "mono" not in frame.channels and np.isnan(frame.axes_deg).all():
+        return frame
+    set_bits = int(np.bitwise_or.reduce(frame.cfa, axis=None))
+    unused = (set_bits & -set_bits).bit_length() - 1
+    step = 1 << max(unused, 0)
+    if not 2 <= unused <= _MOST_UNUSED or np.min(np.diff(np.unique(frame.cfa)), initial=2 * step) > step:
+        return frame
+    return replace(
+        frame,
+        cfa=np.right_shift(frame.cfa, np.uint16(unused)),
+        black=frame.black / step,
+        white=frame.white / step,
+        unused_bits=unused,
+    )
+
+
 def _as_stated(frame: RawFrame, reading: Reading) -> RawFrame:
     """The file of a sensor with polarizers on its pixels does not tell: to it the sensor is monochrome."""
     if reading.layout_deg is None or frame.channels[0, 0] != "mono":
@@ -79,12 +121,14 @@ def _as_stated(frame: RawFrame, reading: Reading) -> RawFrame:
         return replace(frame, axes_deg=axes)
     # Each pixel of the Bayer cell is a 2 x 2 group with all four polarizers.
     colours = np.repeat(np.repeat(_pattern(reading), 2, axis=0), 2, axis=1)
+    profile = frame.noise_profile
     return replace(
         frame,
         channels=colours,
         axes_deg=np.tile(axes, (2, 2)),
         black=np.tile(frame.black, (2, 2)),
         white=np.tile(frame.white, (2, 2)),
+        noise_profile=profile and {str(colour): profile["mono"] for colour in colours.flat},
     )
 
 

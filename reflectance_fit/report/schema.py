@@ -224,6 +224,8 @@ class Warning(_Part):
         "NO_HASHES",
         "TOLERANCE_FLOOR",
         "ROWS_IGNORED",
+        "MASKED",
+        "IMBALANCE",
         "NOT_LINEAR",
     ]
     channel: str | None

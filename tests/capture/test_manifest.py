@@ -315,38 +315,6 @@ def test_images_that_are_not_raw(tmp_path, name):
 
 
 @pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        (
-            MONO.replace("mono", "dofp, dofp_layout_deg: [[90, 45], [135, 0]]") + FRAMES,
-            "3: camera.sensor: dofp: sensors with polarizers on the pixels are not supported yet",
-        ),
-        (
-            HEAD.replace(
-                "stated, s_axis_deg: 0",
-                "charuco, charuco: {squares: [11, 8], square_mm: 10, marker_mm: 7.5, dictionary: DICT_5X5_100}",
-            )
-            + FRAMES,
-            "4: geometry.kind: angles from a ChArUco board are not supported yet",
-        ),
-        (
-            HEAD.replace("stated, s_axis_deg: 0", "sphere, sphere: detect") + FRAMES,
-            "4: geometry.sphere: finding the ball is not supported yet",
-        ),
-        *(
-            (
-                f"{HEAD}{FRAMES}  - {{file: b.dng, role: {role}}}\n",
-                f"7: frames.1.role: the role {role} is not supported yet",
-            )
-            for role in ("reference", "polarizer", "geometry")
-        ),
-    ],
-)
-def test_what_is_not_supported_yet_is_said_alone(tmp_path, text, expected):
-    assert problem(tmp_path, text) == expected
-
-
-@pytest.mark.parametrize(
     ("schema", "expected"),
     [
         (

@@ -8,9 +8,10 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import inference_optimizer
 from card import Figure, Table
@@ -85,11 +86,18 @@ def about(*, full: bool) -> str:
 def figures(*, full: bool) -> Iterator[Figure | Table]:
     yield from measured(FULL if full else QUICK)
     yield from plan_figures()
-    yield from inference_optimizer.figures(full=full)
+    with workers() as each:
+        found = each(inference_optimizer.compared, inference_optimizer.scenes(full=full), "multistarts")
+    yield from inference_optimizer.figures(found, full=full)
 
 
-def measured(size: Size) -> Iterator[Figure | Table]:
-    """All but the optimiser's figures."""
+class Each(Protocol):
+    def __call__(self, job: Callable[[int], T], n: int, what: str) -> list[T]: ...
+
+
+@contextmanager
+def workers() -> Iterator[Each]:
+    """Processes, and the function that spreads a job over them."""
     os.environ.update(dict.fromkeys(THREADS, "1"))  # the workers' libraries read it as they are loaded
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(PROCESSES, context) as pool:
@@ -101,6 +109,12 @@ def measured(size: Size) -> Iterator[Figure | Table]:
             print(f"{what}: {n} in {time.perf_counter() - started:.1f} s", file=sys.stderr, flush=True)
             return found
 
+        yield each
+
+
+def measured(size: Size) -> Iterator[Figure | Table]:
+    """All but the optimiser's figures."""
+    with workers() as each:
         healthy = {f.name: each(partial(trial, f, "importance"), size.importance, f.name) for f in FAMILIES}
         yield from calibration_figures("importance", healthy, FAMILIES)
         some = [family for family in FAMILIES if family.name in size.emcee_families]

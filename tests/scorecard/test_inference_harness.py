@@ -23,6 +23,8 @@ import inference_grid as grid
 import inference_quadrature as quadrature
 import inference_ranks as ranks
 import inference_recovery as recovery
+import inference_reference as reference
+import inference_scenes as scenes
 import inference_verdicts as verdicts
 from card import Figure, Table
 
@@ -283,6 +285,18 @@ def test_a_fault_of_a_tenth_of_sigma_is_seen_by_the_log_likelihood():
     likelihood = partial(np.linalg.norm, axis=0)
     assert p(1.0, likelihood) > 0.01
     assert p(1.1, likelihood) < 1 - ranks.sidak(19)
+
+
+@pytest.mark.parametrize("kind", scenes.KINDS)
+def test_the_reference_knows_a_scene_s_truth_and_finds_it_from_anywhere(kind):
+    """Its formulas are its own, so they must agree with those that made the rows."""
+    generator = np.random.default_rng(3)
+    theta = np.linspace(15.0, 80.0, 12)
+    for eta, k in ((1.5, 0.3), (0.4, 3.0), (2.5, 0.0)):
+        s = scenes.build(eta, k, kind, theta, 0.0, generator)
+        assert reference.objective(s, np.array([np.log(eta), k])) < 1e-12
+        assert reference.lowest(s, 1) < 1e-9
+        assert reference.objective(s, np.array([np.log(1.1 * eta), k + 0.1])) > 1
 
 
 class Here:
