@@ -14,7 +14,6 @@ from reflectance_fit.capture.balance import check_balance
 from reflectance_fit.capture.bins import Bins, Mask, Shift
 from reflectance_fit.capture.brackets import brackets, merged
 from reflectance_fit.capture.calibrate import Calibrated, calibrate
-from reflectance_fit.capture.cells import box_over
 from reflectance_fit.capture.frames import Capture, Exposure, Frame, Sphere, Stated, darks_for, flats_for
 from reflectance_fit.capture.geometry import bins_of
 from reflectance_fit.capture.hot import find_hot
@@ -27,6 +26,7 @@ from reflectance_fit.capture.reference import check_references, references_for, 
 from reflectance_fit.capture.saturation import clipped_alike
 from reflectance_fit.capture.settings import check_hashes, read_settings
 from reflectance_fit.capture.survey import survey, views_of
+from reflectance_fit.capture.thumbnails import box_over
 from reflectance_fit.capture.workers import FrameError, Job, RawWorkers
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.inputs import sha256_of

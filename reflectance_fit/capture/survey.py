@@ -11,11 +11,11 @@ import numpy as np
 
 from reflectance_fit.capture.bins import Mask, Region
 from reflectance_fit.capture.calibrate import channel_of
-from reflectance_fit.capture.cells import CellPicture
 from reflectance_fit.capture.frames import Capture, Exposure, Frame, Sphere, Stated, darks_for, flats_for
 from reflectance_fit.capture.geometry import bins_of
 from reflectance_fit.capture.masks import Rings, highlights, stray_light
 from reflectance_fit.capture.raw import Plane
+from reflectance_fit.capture.thumbnails import CellPicture
 from reflectance_fit.measured import Note
 from reflectance_fit.views import BoolArray, FloatArray, StokesMaps, ViewMaps, stokes_maps
 
