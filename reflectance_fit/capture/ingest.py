@@ -10,14 +10,15 @@ from fractions import Fraction
 from pathlib import Path
 
 from reflectance_fit.capture.align import align
-from reflectance_fit.capture.balance import check_balance
+from reflectance_fit.capture.balance import check_balance, check_cells
 from reflectance_fit.capture.bins import Bins, Mask, Shift
 from reflectance_fit.capture.brackets import brackets, merged
-from reflectance_fit.capture.calibrate import Calibrated, calibrate
-from reflectance_fit.capture.frames import Capture, Exposure, Frame, Sphere, Stated, darks_for, flats_for
+from reflectance_fit.capture.calibrate import Calibrated, calibrate, pixel_noise
+from reflectance_fit.capture.frames import Ball, Capture, Exposure, Frame, Sphere, darks_for, flats_for
 from reflectance_fit.capture.geometry import bins_of
 from reflectance_fit.capture.hot import find_hot
 from reflectance_fit.capture.linearity import complaints, departures
+from reflectance_fit.capture.locate import locate
 from reflectance_fit.capture.noise_frames import compare_files, pairs_of, transfer_of
 from reflectance_fit.capture.observe import angle_rows, flat_rows
 from reflectance_fit.capture.polarizer_frames import with_polarizer
@@ -69,14 +70,15 @@ def ingest(
     """
     settings = read_settings(capture)
     check_references(capture)
+    capture, rejected = locate(capture, progress)
     capture, first = _first_looks(capture, settings, progress)
-    jobs = _jobs(capture, settings, capture.role("sample"))
-    shifts, lost = _shifts(capture, progress)
-    jobs = {path: bins for path, bins in jobs.items() if path not in lost}
+    located = [frame for frame in capture.role("sample") if frame.file not in rejected]
+    shifts, lost = _shifts(capture, located, progress)
+    jobs = _jobs(capture, settings, [frame for frame in located if frame.path not in lost])
     with tempfile.TemporaryDirectory() as folder:
         cells = {path: Path(folder) / f"{number}.npz" for number, path in enumerate(jobs)}
         means, errors, hashes = _decode(capture, jobs, progress, shifts, cells)
-        there = [frame for frame in capture.role("sample") if frame.path in means]
+        there = [frame for frame in located if frame.path in means]
         looked = survey(capture, settings, {path: cells[path] for path in means}, there, seen)
     if looked.mask:
         again = {path: jobs[path] for path in means}
@@ -84,7 +86,7 @@ def ingest(
     errors = first.errors | lost | errors
     hashes |= {frame.path: sha256_of(frame.path) for frame in capture.frames if frame.path not in hashes}
     check_hashes(capture, hashes)
-    rejected = {frame.file: errors[frame.path] for frame in capture.frames if frame.path in errors}
+    rejected |= {frame.file: errors[frame.path] for frame in capture.frames if frame.path in errors}
     rejected |= looked.rejected
     _check_planes(capture, means)
     _check_sizes(capture, settings, means, capture.role("sample"))
@@ -105,23 +107,24 @@ def ingest(
     if not samples:
         problems = [Problem(str(capture.path), None, f"{file} {reason}") for file, reason in rejected.items()]
         raise ReflectanceFitError(problems)
-    rows_of = flat_rows if isinstance(capture.geometry, Stated) else angle_rows
+    rows_of = angle_rows if isinstance(capture.geometry, Sphere | Ball) else flat_rows
     views = merged(samples)
     observations = rows_of(capture, views)
     stated = capture.nuisances
     notes = [Note("ROWS_IGNORED", f"{file} {reason}") for file, reason in rejected.items()]
     notes += looked.notes
+    white = [
+        _flat_alone(capture, flat, settings, means) for flat in capture.role("flat") if flat.path in means
+    ]
+    notes += [Note("NOT_LINEAR", text) for text in _nonlinear([*samples, *white])]
     notes += check_balance(capture, views)
+    notes += check_cells(capture, means)
     if not all(
         _knows_noise(capture, means[s.frame.path], plane.channel) for s in samples for plane in s.signals
     ):
         message = "sigma is from how neighbouring pixels of the flats differ, their own differences included"
         if capture.role("flat"):
             notes.append(Note("SIGMA_ESTIMATED", f"{message}; take the flats and a dark in pairs"))
-    white = [
-        _flat_alone(capture, flat, settings, means) for flat in capture.role("flat") if flat.path in means
-    ]
-    notes += [Note("NOT_LINEAR", text) for text in _nonlinear([*samples, *white])]
     if any(frame.sha256 is None for frame in capture.frames):
         notes.append(
             Note("NO_HASHES", "a damaged photograph can pass unnoticed; ingest --write-hashes states them")
@@ -137,8 +140,9 @@ def ingest(
         inputs=(*capture.inputs, *((frame.file, hashes[frame.path]) for frame in capture.frames)),
         sample_note=capture.sample_note,
     )
-    used = set(jobs) | first.used
-    unused = frozenset(frame.file for frame in capture.frames if frame.path not in used)
+    # Frames of role geometry have served when they were not rejected.
+    used = set(jobs) | first.used | {frame.path for frame in capture.role("geometry")}
+    unused = frozenset(f.file for f in capture.frames if f.path not in used and f.file not in rejected)
     told = (*first.told, *unused_bits)
     return Ingested(capture, measurement, tuple(samples), rejected, unused, settings, told)
 
@@ -205,11 +209,13 @@ def _jobs(
     return {path: tuple(bins) for path, bins in wanted.items()}
 
 
-def _shifts(capture: Capture, progress: Progress | None) -> tuple[dict[Path, Shift], dict[Path, str]]:
+def _shifts(
+    capture: Capture, frames: Sequence[Frame], progress: Progress | None
+) -> tuple[dict[Path, Shift], dict[Path, str]]:
     """By frame its shift against the first of its view, and why others do not register."""
     if capture.registration == "none":
         return {}, {}
-    views = views_of(capture, capture.role("sample"))
+    views = views_of(capture, frames)
     samples = {view[0].path: bins_of(capture, view[0]).box() for view in views if view[0].region}
     files = [[frame.path for frame in view] for view in views]
     return align(files, capture.reading, capture.registration, samples, progress)
@@ -245,8 +251,10 @@ def _decode(
         def work() -> Iterator[Job[FrameMeans | Changed]]:
             for path in left:
                 frame = frames[path]
+                noise = pixel_noise(capture, frame) if frame.role == "sample" else None
                 is_flat, picture = frame.role == "flat", (box, cells[path]) if cells else None
-                args = capture.reading, frame.sha256, jobs[path], is_flat, shifts.get(path), mask, picture
+                view = is_flat, shifts.get(path), mask
+                args = capture.reading, frame.sha256, jobs[path], *view, noise, picture
                 yield path, reduce_file, args
 
         for done, (path, answer) in enumerate(zip(left, workers.map(work()), strict=True), 1):
@@ -315,7 +323,8 @@ def _calibrated(
 
 
 def _knows_noise(capture: Capture, means: FrameMeans, channel: str) -> bool:
-    return capture.noise is not None or means.noise is not None or channel in capture.transfer
+    told = set(means.noise or ()) | set(capture.transfer)
+    return capture.noise is not None or channel in told or "mono" in told
 
 
 def _unused_bits(capture: Capture, means: Mapping[Path, FrameMeans]) -> list[str]:
@@ -376,7 +385,7 @@ def _check_sizes(
         others = {one.path: one for one in _served_by(capture, frame, settings) if one is not frame}
         own = [plane.pixels for plane in means[frame.path].over(bins).values()]
         if not sum(int(pixels.sum()) for pixels in own):
-            what = "ball" if isinstance(capture.geometry, Sphere) else "region"
+            what = "ball" if isinstance(capture.geometry, Sphere | Ball) else "region"
             message = f"{frame.file} does not show the {what}: it is outside the picture; correct it"
             problems.append(Problem(str(capture.path), frame.line, message))
         for other in others.values():

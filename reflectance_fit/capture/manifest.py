@@ -146,6 +146,10 @@ class Illumination(Polarization):
     shape: Literal["small", "surround"] = Field(
         default="small", description="small: a lamp; surround: light from all sides"
     )
+    half_angle_deg: Annotated[Number, Field(ge=0, le=20)] = Field(
+        default=0.0,
+        description="Half-angle of the cone of light that one point of the picture collects",
+    )
     uniform: bool = Field(
         default=False,
         strict=True,

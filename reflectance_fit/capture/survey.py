@@ -11,7 +11,16 @@ import numpy as np
 
 from reflectance_fit.capture.bins import Mask, Region
 from reflectance_fit.capture.calibrate import channel_of
-from reflectance_fit.capture.frames import Capture, Exposure, Frame, Sphere, Stated, darks_for, flats_for
+from reflectance_fit.capture.frames import (
+    Ball,
+    Capture,
+    Exposure,
+    Frame,
+    OnBoard,
+    Sphere,
+    darks_for,
+    flats_for,
+)
 from reflectance_fit.capture.geometry import bins_of
 from reflectance_fit.capture.masks import Rings, highlights, stray_light
 from reflectance_fit.capture.raw import Plane
@@ -37,9 +46,11 @@ class Survey:
 def views_of(capture: Capture, frames: Iterable[Frame]) -> list[tuple[Frame, ...]]:
     """The sample frames that show the same from the same place, in the order of the manifest."""
     views: dict[tuple[object, ...], list[Frame]] = {}
+    geometry = capture.geometry
     for frame in frames:
-        angle = frame.theta_deg if isinstance(capture.geometry, Stated) else None
-        views.setdefault((frame.set, angle, frame.light), []).append(frame)
+        pose = geometry.poses[frame.path].view if isinstance(geometry, OnBoard) else frame.theta_deg
+        # Angles that are not stated are NaN, which is unlike itself.
+        views.setdefault((frame.set, str(pose), frame.light), []).append(frame)
     return [tuple(view) for view in views.values()]
 
 
@@ -106,7 +117,7 @@ class _Looks:
             angles[:, seen] = theta, s_axis
             self._theta, s_axes = angles.reshape(2, *x.shape)
             self._inside = np.isfinite(self._theta)
-            if isinstance(capture.geometry, Sphere):
+            if isinstance(capture.geometry, Sphere | Ball):
                 self._rings = Rings(self._theta, s_axes)
 
     def maps(self, channel: str) -> ViewMaps | None:
@@ -136,7 +147,9 @@ class _Looks:
             CLIPPED: clipped,
         }
         grid, frame = self.first.grid, self._view[0]
-        angle = "" if math.isnan(frame.theta_deg) else f", {frame.theta_deg:g}°"
+        known = self._theta[self._inside] if self._theta.ndim else self._theta
+        flat = self._rings is None and np.isfinite(known).any()
+        angle = f", {np.degrees(np.median(known)):.4g}°" if flat else ""
         return ViewMaps(
             name=f"set {frame.set}{angle}",
             channel=channel,
