@@ -192,8 +192,8 @@ class Capture:
     geometry: Geometry
     light_shape: str
     light_uniform: bool
-    half_angle_deg: float
     registration: Registration
+    half_angle_deg: float
     frames: tuple[Frame, ...]
     nuisances: dict[str, float | None] | None
     priors: dict[str, Prior]

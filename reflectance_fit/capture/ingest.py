@@ -14,7 +14,6 @@ from reflectance_fit.capture.balance import check_balance, check_cells
 from reflectance_fit.capture.bins import Bins, Mask, Shift
 from reflectance_fit.capture.brackets import brackets, merged
 from reflectance_fit.capture.calibrate import Calibrated, calibrate, pixel_noise
-from reflectance_fit.capture.cells import box_over
 from reflectance_fit.capture.frames import Ball, Capture, Exposure, Frame, Sphere, darks_for, flats_for
 from reflectance_fit.capture.geometry import bins_of
 from reflectance_fit.capture.hot import find_hot
@@ -28,6 +27,7 @@ from reflectance_fit.capture.reference import check_references, references_for, 
 from reflectance_fit.capture.saturation import clipped_alike
 from reflectance_fit.capture.settings import check_hashes, read_settings
 from reflectance_fit.capture.survey import survey, views_of
+from reflectance_fit.capture.thumbnails import box_over
 from reflectance_fit.capture.workers import FrameError, Job, RawWorkers
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.inputs import sha256_of
@@ -72,13 +72,13 @@ def ingest(
     check_references(capture)
     capture, rejected = locate(capture, progress)
     capture, first = _first_looks(capture, settings, progress)
-    jobs = _jobs(capture, settings, [f for f in capture.role("sample") if f.file not in rejected])
-    shifts, lost = _shifts(capture, [f for f in capture.role("sample") if f.file not in rejected], progress)
-    jobs = {path: bins for path, bins in jobs.items() if path not in lost}
+    located = [frame for frame in capture.role("sample") if frame.file not in rejected]
+    shifts, lost = _shifts(capture, located, progress)
+    jobs = _jobs(capture, settings, [frame for frame in located if frame.path not in lost])
     with tempfile.TemporaryDirectory() as folder:
         cells = {path: Path(folder) / f"{number}.npz" for number, path in enumerate(jobs)}
         means, errors, hashes = _decode(capture, jobs, progress, shifts, cells)
-        there = [frame for frame in capture.role("sample") if frame.path in means]
+        there = [frame for frame in located if frame.path in means]
         looked = survey(capture, settings, {path: cells[path] for path in means}, there, seen)
     if looked.mask:
         again = {path: jobs[path] for path in means}
@@ -112,11 +112,11 @@ def ingest(
     observations = rows_of(capture, views)
     stated = capture.nuisances
     notes = [Note("ROWS_IGNORED", f"{file} {reason}") for file, reason in rejected.items()]
+    notes += looked.notes
     white = [
         _flat_alone(capture, flat, settings, means) for flat in capture.role("flat") if flat.path in means
     ]
     notes += [Note("NOT_LINEAR", text) for text in _nonlinear([*samples, *white])]
-    notes += looked.notes
     notes += check_balance(capture, views)
     notes += check_cells(capture, means)
     if not all(
@@ -253,16 +253,8 @@ def _decode(
                 frame = frames[path]
                 noise = pixel_noise(capture, frame) if frame.role == "sample" else None
                 is_flat, picture = frame.role == "flat", (box, cells[path]) if cells else None
-                args = (
-                    capture.reading,
-                    frame.sha256,
-                    jobs[path],
-                    is_flat,
-                    shifts.get(path),
-                    mask,
-                    noise,
-                    picture,
-                )
+                view = is_flat, shifts.get(path), mask
+                args = capture.reading, frame.sha256, jobs[path], *view, noise, picture
                 yield path, reduce_file, args
 
         for done, (path, answer) in enumerate(zip(left, workers.map(work()), strict=True), 1):

@@ -63,8 +63,8 @@ def read_capture(path: str | Path) -> Capture:
         geometry=_geometry(manifest),
         light_shape=manifest.light.shape,
         light_uniform=manifest.light.uniform,
-        half_angle_deg=manifest.light.half_angle_deg,
         registration=_registration(manifest),
+        half_angle_deg=manifest.light.half_angle_deg,
         frames=tuple(
             _frame(manifest, entry, where, document.line(("frames", i)) or 0)
             for i, (entry, where) in enumerate(zip(manifest.frames, paths, strict=True))

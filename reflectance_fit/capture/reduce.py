@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.capture.bins import AngleBins, Bins, Box, Mask, Region, Shift
-from reflectance_fit.capture.cells import cell_means
 from reflectance_fit.capture.dofp_cells import uneven_cells
 from reflectance_fit.capture.raw import Plane, RawFrame
 from reflectance_fit.capture.reading import Reading, read_frame
+from reflectance_fit.capture.thumbnails import cell_means
 from reflectance_fit.inputs import sha256_of
 
 FloatArray = NDArray[np.float64]

@@ -11,20 +11,20 @@ import numpy as np
 
 from reflectance_fit.capture.bins import Mask, Region
 from reflectance_fit.capture.calibrate import channel_of
-from reflectance_fit.capture.cells import CellPicture
 from reflectance_fit.capture.frames import (
+    Ball,
     Capture,
     Exposure,
     Frame,
     OnBoard,
     Sphere,
-    Stated,
     darks_for,
     flats_for,
 )
 from reflectance_fit.capture.geometry import bins_of
 from reflectance_fit.capture.masks import Rings, highlights, stray_light
 from reflectance_fit.capture.raw import Plane
+from reflectance_fit.capture.thumbnails import CellPicture
 from reflectance_fit.measured import Note
 from reflectance_fit.views import BoolArray, FloatArray, StokesMaps, ViewMaps, stokes_maps
 
@@ -48,10 +48,9 @@ def views_of(capture: Capture, frames: Iterable[Frame]) -> list[tuple[Frame, ...
     views: dict[tuple[object, ...], list[Frame]] = {}
     geometry = capture.geometry
     for frame in frames:
-        place: object = frame.theta_deg if isinstance(geometry, Stated) else None
-        if isinstance(geometry, OnBoard):
-            place = geometry.poses[frame.path].view
-        views.setdefault((frame.set, place, frame.light), []).append(frame)
+        pose = geometry.poses[frame.path].view if isinstance(geometry, OnBoard) else frame.theta_deg
+        # Angles that are not stated are NaN, which is unlike itself.
+        views.setdefault((frame.set, str(pose), frame.light), []).append(frame)
     return [tuple(view) for view in views.values()]
 
 
@@ -118,7 +117,7 @@ class _Looks:
             angles[:, seen] = theta, s_axis
             self._theta, s_axes = angles.reshape(2, *x.shape)
             self._inside = np.isfinite(self._theta)
-            if isinstance(capture.geometry, Sphere):
+            if isinstance(capture.geometry, Sphere | Ball):
                 self._rings = Rings(self._theta, s_axes)
 
     def maps(self, channel: str) -> ViewMaps | None:
@@ -148,7 +147,9 @@ class _Looks:
             CLIPPED: clipped,
         }
         grid, frame = self.first.grid, self._view[0]
-        angle = "" if math.isnan(frame.theta_deg) else f", {frame.theta_deg:g}°"
+        known = self._theta[self._inside] if self._theta.ndim else self._theta
+        flat = self._rings is None and np.isfinite(known).any()
+        angle = f", {np.degrees(np.median(known)):.4g}°" if flat else ""
         return ViewMaps(
             name=f"set {frame.set}{angle}",
             channel=channel,

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from reflectance_fit.capture.bins import Mask, Region, Shift
-from reflectance_fit.capture.cells import MOST_CELLS, CellPicture, box_over, cell_means, grid_over
 from reflectance_fit.capture.raw import Plane, RawFrame
+from reflectance_fit.capture.thumbnails import MOST_CELLS, CellPicture, box_over, cell_means, grid_over
 
 RGGB = np.array([["R", "G"], ["G", "B"]])
 
