@@ -27,7 +27,11 @@ def _degrees(_ctx: click.Context, _param: click.Parameter, value: str | None) ->
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
 @click.option("--material", metavar="NAME", required=True, help="A built-in material; see `materials list`.")
 @click.option(
-    "--shape", type=click.Choice(["flat", "sphere"]), default="flat", show_default=True, help="Of the sample."
+    "--shape",
+    type=click.Choice(["flat", "sphere", "board"]),
+    default="flat",
+    show_default=True,
+    help="Of the sample; board: flat, in a printed board that shows its tilt.",
 )
 @click.option(
     "--angles", callback=_degrees, metavar="DEG,...", help="Angles of incidence.  [default: by material]"
@@ -36,9 +40,14 @@ def _degrees(_ctx: click.Context, _param: click.Parameter, value: str | None) ->
     "--analyzer",
     callback=_degrees,
     metavar="DEG,...",
-    default="0,45,90,135",
+    help="Transmission axes of the analyzer.  [default: 0,45,90,135]",
+)
+@click.option(
+    "--sensor",
+    type=click.Choice(["bayer", "mono", "dofp", "dofp_bayer"]),
+    default="bayer",
     show_default=True,
-    help="Transmission axes of the analyzer.",
+    help="Of the camera; dofp: with polarizers on its pixels.",
 )
 @click.option(
     "--light",
@@ -60,6 +69,7 @@ def synth(
     shape: str,
     angles: tuple[float, ...],
     analyzer: tuple[float, ...],
+    sensor: str,
     light: str | None,
     noise: str,
     seed: int,
@@ -75,7 +85,8 @@ def synth(
         reflectance-fit synth glass --material N-BK7 --angles 45,60 --analyzer 0,90
     """
     from reflectance_fit.data_synthetic.capture import write_capture
-    from reflectance_fit.data_synthetic.spec import LIGHTS, standard_spec
+    from reflectance_fit.data_synthetic.rig import LIGHTS
+    from reflectance_fit.data_synthetic.spec import standard_spec
 
     from .progress import progress
 
@@ -84,6 +95,7 @@ def synth(
         shape=shape,
         angles_deg=angles,
         analyzer_deg=analyzer,
+        sensor=sensor,
         light=None if light is None else LIGHTS[light],
         noise=noise,
         seed=seed,

@@ -98,10 +98,10 @@ def print_frames(ingested: Ingested, out: Path) -> None:
             status = "unused: serves no frame"
         pixels, clipped, signals = "-", "-", ["-"] * len(capture.channels)
         if sample is not None:
-            channels = sample.channels
-            pixels = str(sum(int(c.pixels.sum()) for c in channels.values()))
+            pixels = str(sum(int(s.pixels.sum()) for s in sample.signals.values()))
             clipped = f"{100 * sample.saturated_share:.1f}"
-            signals = [f"{channels[n].mean:.4g}" if n in channels else "-" for n in capture.channels]
+            means = [[s.mean for _, s in sample.of(name)] for name in capture.channels]
+            signals = [f"{sum(m) / len(m):.4g}" if m else "-" for m in means]
             if sample.saturated_share == 1.0:
                 status = "saturated"
         table.add_row(
@@ -109,17 +109,18 @@ def print_frames(ingested: Ingested, out: Path) -> None:
             frame.role,
             _number(frame.theta_deg),
             _number(frame.analyzer_deg),
-            f"{seconds:.4g}",
+            f"{float(seconds):.4g}" if seconds else "-",
             pixels,
             clipped,
             *signals,
             Text(printable(status)),
         )
+    told = [Text(printable(line)) for line in ingested.told]
     notes = [
         Text(f"{note.code}: {printable(note.message)}", style="yellow")
         for note in ingested.measurement.warnings
     ]
-    show(table, *notes)
+    show(table, *told, *notes)
     click.echo(f"wrote {out}: {len(ingested.measurement.observations)} rows")
 
 

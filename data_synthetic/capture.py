@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterable, Iterator
+from copy import deepcopy
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain
@@ -19,24 +20,31 @@ import yaml
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.files import check_writable, write_together
 
+from .arrangement import View, geometry_scenes, region, views
 from .capture_yaml import manifest, plain, truth
 from .dng import DngMetadata, write_dng
-from .scenes import FlatScene, SphereScene, analyzer_weights
-from .sensor import FixedPattern, FloatArray, auto_exposure, expose, fixed_pattern
-from .spec import CaptureSpec, Setting
+from .picture import Scene, stokes_image
+from .rig import Setting
+from .scenes import analyzer_weights
+from .sensor import FixedPattern, FloatArray, auto_exposure, expose, fixed_pattern, stops_from
+from .spec import CaptureSpec
+from .tiff import write_tiff
 
 Progress = Callable[[str, int, int], None]
-
-_STRAY = 0.0005
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Shot:
-    """A frame to take: what capture.yaml says of it, the radiance at the sensor, and how long (None: by itself)."""
+    """A frame to take.
+
+    What capture.yaml says of it, the radiance at the sensor, and how long: a
+    time, or so many stops longer than what the camera finds.
+    """
 
     entry: dict[str, Any]
     radiance: FloatArray
     exposure_s: Fraction | None = None
+    stops: int = 0
 
 
 def write_capture(folder: Path, spec: CaptureSpec, *, progress: Progress | None = None) -> Path:
@@ -62,15 +70,21 @@ def write_capture(folder: Path, spec: CaptureSpec, *, progress: Progress | None 
                 if progress is not None:
                     progress(what, done, total)
 
-        views = list(_views(spec))
-        samples = (shot for stated, scene in views for shot in _samples(spec, stated, scene))
+        arranged = list(views(spec))
+        samples = (shot for view in arranged for shot in _samples(spec, view))
         # The target is unpolarized: half of its light passes the analyzer, whatever its angle.
-        flats = [_Shot({"role": "flat"}, np.full((1, 1), 0.5, dtype=np.float32))] * spec.flats
-        take("taking frames", chain(samples, flats), len(views) * len(spec.settings) + spec.flats)
+        white = np.full((1, 1), 0.5, dtype=np.float32)
+        flats = [_Shot({"role": "flat"}, white, stops=n) for n in spec.flat_stops for _ in range(spec.flats)]
+        boards = (
+            _Shot({"role": "geometry"}, _behind(spec, _light(spec, scene), spec.settings[0]))
+            for scene in geometry_scenes(spec)
+        )
+        total = len(arranged) * len(spec.settings) * len(spec.bracket) + len(flats) + spec.geometry_views
+        take("taking frames", chain(samples, flats, boards), total)
         cap = np.zeros((1, 1), dtype=np.float32)
         darks = [_Shot({"role": "dark"}, cap, t) for t in sorted(exposures) for _ in range(spec.darks)]
         take("taking darks", darks, len(darks))
-        _write_yaml(stage / "truth.yaml", truth(spec, len(entries)))
+        _write_yaml(stage / "truth.yaml", truth(spec, arranged, len(entries)))
         _write_yaml(stage / "capture.yaml", manifest(spec, entries))
 
     write_together(folder, fill, last="capture.yaml", superseded=earlier)
@@ -80,36 +94,32 @@ def write_capture(folder: Path, spec: CaptureSpec, *, progress: Progress | None 
 def _replaceable(folder: Path) -> list[Path]:
     """Frames of an earlier synthetic capture; an error where someone's own photographs could be."""
     if (folder / "truth.yaml").exists():
-        return list(folder.glob("raw/*.dng"))
+        return [*folder.glob("raw/*.dng"), *folder.glob("raw/*.tif")]
     if (folder / "capture.yaml").exists() or (folder / "raw").exists():
         message = "holds a capture that is not synthetic (it has no truth.yaml); choose another folder"
         raise ReflectanceFitError(Problem(str(folder), None, message))
     return []
 
 
-def _views(spec: CaptureSpec) -> Iterator[tuple[dict[str, Any], FlatScene | SphereScene]]:
-    """What capture.yaml says of each arrangement of sample and light, and how it looks in truth."""
-    light = spec.faults.source(spec.light.stokes())
-    if spec.shape == "sphere":
-        yield {}, SphereScene(*spec.ball, light)
-    else:
-        for stated in spec.angles_deg:
-            theta = min(abs(stated + spec.faults.angle_offset_deg), 90.0)
-            yield {"theta_deg": plain(stated)}, FlatScene(spec.outline, theta, light, spec.s_axis_deg, _STRAY)
-
-
-def _samples(spec: CaptureSpec, stated: dict[str, Any], scene: FlatScene | SphereScene) -> Iterator[_Shot]:
-    """The frames of one view, one a setting."""
-    stokes = _stokes_image(spec, scene)
+def _samples(spec: CaptureSpec, view: View) -> Iterator[_Shot]:
+    """The frames of one view: a setting after the other, each in all exposures."""
+    shifts = [spec.optics.shift_px(setting.analyzer_deg or 0.0) for setting in spec.settings]
+    light = {shift: _light(spec, view.scene, shift) for shift in set(shifts)}
+    seen = [
+        _behind(spec, light[shift], setting) for shift, setting in zip(shifts, spec.settings, strict=True)
+    ]
     if spec.faults.diffuse:
         # The share is of the whole signal, its own part included, and the analyzer passes half of it.
-        largest = np.max([_behind(spec, stokes, setting) for setting in spec.settings], axis=0)
-        stokes[..., 0] += 2.0 * spec.faults.diffuse / (1.0 - spec.faults.diffuse) * largest
-    for setting in spec.settings:
-        entry = {"role": "sample"} | stated | {"analyzer_deg": plain(setting.analyzer_deg)}
-        if setting.retarder_deg is not None:
-            entry["retarder_deg"] = plain(setting.retarder_deg)
-        yield _Shot(entry, _behind(spec, stokes, setting))
+        largest = np.max(seen, axis=0)
+        seen = [radiance + spec.faults.diffuse / (1.0 - spec.faults.diffuse) * largest for radiance in seen]
+    for setting, radiance in zip(spec.settings, seen, strict=True):
+        # A copy, or YAML would write the region of the first frame alone and point to it.
+        entry = {"role": "sample"} | deepcopy(view.stated)
+        for name in ("analyzer_deg", "retarder_deg"):
+            if (angle := getattr(setting, name)) is not None:
+                entry[name] = plain(angle)
+        for stops in spec.bracket:
+            yield _Shot(entry, radiance, stops=stops)
 
 
 def _take(
@@ -119,52 +129,60 @@ def _take(
     sensor = spec.sensor
     exposure_s = shot.exposure_s
     if exposure_s is None:
-        x0, y0, x1, y1 = (
-            spec.region if shot.entry["role"] == "sample" else (0, 0, sensor.width, sensor.height)
-        )
+        measured = region(spec) if shot.entry["role"] == "sample" else None
+        # A board must not clip beside the sample that it measures.
+        x0, y0, x1, y1 = measured or (0, 0, sensor.width, sensor.height)
         exposure_s = auto_exposure(shot.radiance, sensor, pixels, (slice(y0, y1), slice(x0, x1)))
+        exposure_s = stops_from(exposure_s, shot.stops)
     # A stream a frame: one frame more or less leaves the others as they are.
     generator = np.random.default_rng([spec.seed, 1 + number]) if spec.noise else None
-    metadata = DngMetadata(
-        pattern=sensor.pattern,
-        bits=sensor.bits,
-        black=(*sensor.black[0], *sensor.black[1]),
-        white=sensor.white,
-        exposure_s=exposure_s,
-        iso=sensor.iso,
-        noise_profile=(sensor.noise_profile,) * 3,
-    )
-    name = f"raw/{number:03d}.dng"
-    write_dng(stage / name, expose(shot.radiance, exposure_s, sensor, pixels, generator), metadata)
+    frame = expose(shot.radiance, exposure_s, sensor, pixels, generator)
+    if spec.files == "tiff":
+        name = f"raw/{number:03d}.tif"
+        write_tiff(stage / name, frame)
+    else:
+        name = f"raw/{number:03d}.dng"
+        write_dng(stage / name, frame, _metadata(spec, exposure_s))
     with (stage / name).open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     return {"file": name, "sha256": digest} | shot.entry | {"exposure_s": float(exposure_s)}, exposure_s
 
 
-def _stokes_image(spec: CaptureSpec, scene: FlatScene | SphereScene) -> FloatArray:
-    """The scene where the pixels are, each in its own colour, shape (height, width, 4)."""
-    image = np.empty((spec.sensor.height, spec.sensor.width, 4), dtype=np.float32)
-    x, y = np.arange(spec.sensor.width), np.arange(spec.sensor.height)[:, None]
-    indices = {channel.name: spec.index_of(channel) for channel in spec.channels}
-    for rows, columns, colour in spec.sensor.cell():
-        image[rows, columns] = scene.stokes(x[columns], y[rows], *indices[colour])
-    return image
+def _metadata(spec: CaptureSpec, exposure_s: Fraction) -> DngMetadata:
+    """What the camera knows of a frame; pixels with polarizers are a matter of the manifest."""
+    sensor = spec.sensor
+    pattern = "MONO" if sensor.layout_deg is not None else sensor.pattern
+    planes = 1 if pattern == "MONO" else 3
+    return DngMetadata(
+        pattern=pattern,
+        bits=sensor.bits,
+        black=(*sensor.black[0], *sensor.black[1]),
+        white=sensor.white,
+        exposure_s=exposure_s,
+        iso=sensor.iso,
+        noise_profile=(sensor.noise_profile,) * planes if spec.noise_profile else None,
+    )
+
+
+def _light(spec: CaptureSpec, scene: Scene, shift_px: tuple[float, float] = (0.0, 0.0)) -> FloatArray:
+    """Stokes vectors at the pixels, each in its own colour, shape (height, width, 4)."""
+    indices = {site.colour: spec.index_of(spec.channel_of(site.colour)) for site in spec.sensor.cell()}
+    return stokes_image(scene, spec.sensor, indices, spec.optics, shift_px)
 
 
 def _behind(spec: CaptureSpec, stokes: FloatArray, setting: Setting) -> FloatArray:
     """Radiance behind the optics, shape (height, width)."""
-    weights = {
-        channel.name: analyzer_weights(
-            setting.analyzer_deg + spec.faults.analyzer_offset_deg,
+    radiance = np.empty(stokes.shape[:2], dtype=np.float32)
+    for rows, columns, colour, axis_deg in spec.sensor.cell():
+        analyzer_deg = axis_deg if setting.analyzer_deg is None else setting.analyzer_deg
+        assert analyzer_deg is not None
+        weights = analyzer_weights(
+            analyzer_deg + spec.faults.analyzer_offset_deg,
             spec.faults.diattenuation,
             retarder_deg=setting.retarder_deg,
-            retardance_deg=channel.retardance_deg,
-        ).astype(np.float32)
-        for channel in spec.channels
-    }
-    radiance = np.empty(stokes.shape[:2], dtype=np.float32)
-    for rows, columns, colour in spec.sensor.cell():
-        radiance[rows, columns] = stokes[rows, columns] @ weights[colour]
+            retardance_deg=spec.channel_of(colour).retardance_deg,
+        )
+        radiance[rows, columns] = stokes[rows, columns] @ weights.astype(np.float32)
     # Rounding may leave a crossed frame a little below nothing.
     return np.maximum(radiance, 0.0)
 

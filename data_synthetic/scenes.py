@@ -6,7 +6,8 @@ picture's horizontal, angles run counter-clockwise as displayed (sensor row 0
 on top), which is the receiver's view, so the signs of docs/conventions.md hold
 with s replaced by the horizontal.  Light is 1 where a perfect mirror shows the
 source.  The sample stands in air and fills its outline whatever its tilt: no
-perspective, one angle of incidence for a flat sample.
+perspective, one angle of incidence for a flat sample.  `perspective` has
+boards and balls before a camera nearby.
 """
 
 from __future__ import annotations
@@ -49,16 +50,19 @@ class FlatScene:
     s_axis_deg: float = 0.0
     stray: float = 0.0
 
-    def stokes(self, x: ArrayLike, y: ArrayLike, eta: float, k: float) -> Floats:
-        """Stokes vectors at points x, y (broadcast to S), shape S + (4,); eta + ik relative to vacuum."""
+    def stokes(self, x: ArrayLike, y: ArrayLike, eta: ArrayLike, k: ArrayLike) -> Floats:
+        """Stokes vectors at points x, y (broadcast to S) for eta + ik (shape C, vacuum): shape C + S + (4,)."""
         x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
         x0, y0, x1, y1 = self.outline
         inside = (x >= x0) & (x < x1) & (y >= y0) & (y < y1)
         cos_theta, _ = cos_sin_deg(self.theta_deg)
-        mirror = reflection(*amplitudes(cos_theta, eta / AIR_INDEX, k / AIR_INDEX))
-        # The picture's frame is turned by minus s_axis_deg against the (s, p) frame.
-        reflected = rotator(-np.radians(self.s_axis_deg)) @ mirror @ self.light
+        reflected = mirrored(cos_theta, np.radians(self.s_axis_deg), self.light, eta, k)
+        reflected = np.expand_dims(reflected, tuple(range(np.ndim(eta), np.ndim(eta) + inside.ndim)))
         return np.where(inside[..., None], reflected, self.stray * unpolarized())
+
+    def part(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.intp]:
+        """Which part is seen: one for all, because the outline runs between pixels."""
+        return np.zeros(np.broadcast_shapes(np.shape(x), np.shape(y)), dtype=np.intp)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,20 +93,54 @@ class SphereScene:
                 "a uniform surround is unpolarized or circular: linear light has no frame of its own"
             )
 
-    def stokes(self, x: ArrayLike, y: ArrayLike, eta: float, k: float) -> Floats:
-        """Stokes vectors at points x, y (broadcast to S), shape S + (4,); eta + ik relative to vacuum."""
+    def stokes(self, x: ArrayLike, y: ArrayLike, eta: ArrayLike, k: ArrayLike) -> Floats:
+        """Stokes vectors at points x, y (broadcast to S) for eta + ik (shape C, vacuum): shape C + S + (4,)."""
         right = np.asarray(x, dtype=np.float64) - self.centre_px[0]
         up = self.centre_px[1] - np.asarray(y, dtype=np.float64)
         r = np.hypot(right, up)
-        stokes = np.empty((*r.shape, 4))
+        stokes = np.empty((*np.shape(eta), *r.shape, 4))
         stokes[...] = self.light
         on = r < self.radius_px
         sine = r[on] / self.radius_px
         cosine = np.sqrt((1.0 - sine) * (1.0 + sine))
-        mirror = reflection(*amplitudes(cosine, eta / AIR_INDEX, k / AIR_INDEX))
         s_axis = np.arctan2(up, right)[on] + np.pi / 2
-        stokes[on] = (rotator(-s_axis) @ (mirror @ self.light)[..., None])[..., 0]
+        stokes[..., on, :] = mirrored(cosine, s_axis, self.light, eta, k)
         return stokes
+
+    def part(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.intp]:
+        """Which part is seen, as `rim` counts them."""
+        right, down = np.asarray(x) - self.centre_px[0], np.asarray(y) - self.centre_px[1]
+        return rim(np.hypot(right, down) - self.radius_px)
+
+
+def rim(beyond_px: Floats) -> NDArray[np.intp]:
+    """Parts of a ball at a distance beyond its silhouette: rings near it, where reflection changes within a pixel."""
+    # Half a pixel wide, so that every pixel there sees two.
+    return np.clip(np.floor(2.0 * beyond_px), -8, 0).astype(np.intp)
+
+
+def mirrored(cos_theta: ArrayLike, s_axis: ArrayLike, light: Floats, eta: ArrayLike, k: ArrayLike) -> Floats:
+    """What a surface in air makes of ``light``, in the picture's frame.
+
+    Parameters
+    ----------
+    cos_theta, s_axis : float, both broadcast to shape S
+        Cosine of the angle of incidence; direction of s in the picture, radians.
+    light : float, shape (4,)
+        Incident Stokes vector in the (s, p) frame.
+    eta, k : float, shape C
+        Relative to vacuum.
+
+    Returns
+    -------
+    float, shape C + S + (4,)
+    """
+    cos_theta, s_axis = np.broadcast_arrays(cos_theta, s_axis)
+    eta, k = (np.expand_dims(z, tuple(range(np.ndim(z), np.ndim(z) + cos_theta.ndim))) for z in (eta, k))
+    mirror = reflection(*amplitudes(cos_theta, eta / AIR_INDEX, k / AIR_INDEX))
+    # The picture's frame is turned by minus s_axis against the (s, p) frame.
+    turned: Floats = (rotator(-s_axis) @ (mirror @ light)[..., None])[..., 0]
+    return turned
 
 
 def analyzer_weights(

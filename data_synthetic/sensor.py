@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,11 @@ from numpy.typing import NDArray
 from reflectance_fit.errors import ReflectanceFitError
 
 FloatArray = NDArray[np.float32]
-Pattern = Literal["RGGB", "BGGR", "GRBG", "GBRG"]
+Pattern = Literal["RGGB", "BGGR", "GRBG", "GBRG", "MONO"]
+Layout = tuple[tuple[float, float], tuple[float, float]]
 
 COLOURS = "RGB"
+MONO = "mono"
 EXPOSURES_S = (
     *(Fraction(1, n) for n in (8000, 4000, 2000, 1000, 500, 250, 125, 60, 30, 15, 8, 4, 2, 1)),
     Fraction(2),
@@ -38,6 +40,15 @@ _RARE = 1.0  # events a pixel
 _FAR = 10.0  # standard deviations that no pixel strays
 
 
+class Site(NamedTuple):
+    """One position of the cell: its pixels, their colour, and the transmission axis of the polarizer on them."""
+
+    rows: slice
+    columns: slice
+    colour: str
+    axis_deg: float | None
+
+
 @dataclass(frozen=True, slots=True)
 class Sensor:
     """What a sensor does to light.
@@ -47,7 +58,10 @@ class Sensor:
     width, height : int
         Pixels, even.
     pattern : str
-        Colours of the 2 x 2 cell, row by row from the top left pixel.
+        Colours of the 2 x 2 cell, row by row from the top left pixel; MONO without filters.
+    layout_deg : 2 x 2 float or None
+        Transmission axes of polarizers on the pixels, rows from the top; under a
+        colour filter stands a whole group of four.
     bits : int
         Depth of the RAW file.
     black : 2 x 2 int
@@ -65,12 +79,13 @@ class Sensor:
     background_e_per_s : float
         Dark current and stray light behind the lens; in dark frames too.
     sensitivity_e_per_s : float, shape (3,)
-        Electrons a second from radiance 1 in R, G and B.
+        Electrons a second from radiance 1 in R, G and B; without filters as in G.
     """
 
     width: int = 1664
     height: int = 1248
     pattern: Pattern = "RGGB"
+    layout_deg: Layout | None = None
     bits: Literal[12, 14, 16] = 14
     black: tuple[tuple[int, int], tuple[int, int]] = ((512, 515), (509, 511))
     white: int = 15871
@@ -85,16 +100,40 @@ class Sensor:
     iso: int = 100
 
     def __post_init__(self) -> None:
-        if self.width % 2 or self.height % 2:
-            raise ValueError("width and height must be even: the colour cell is 2 x 2")
+        if self.width % self.side or self.height % self.side:
+            raise ValueError(
+                f"width and height must be multiples of {self.side}: the cell is {self.side} x {self.side}"
+            )
+        if self.kind == "dofp_bayer" and self.pattern != "RGGB":
+            raise ValueError("sensors with polarizers under colour filters are RGGB")
         if not 0 <= min(map(min, self.black)) <= max(map(max, self.black)) < self.white < 2**self.bits:
             raise ValueError("need 0 <= black < white < 2^bits")
 
-    def cell(self) -> tuple[tuple[slice, slice, str], ...]:
-        """The four pixels of the cell: rows, columns and colour of each plane."""
-        return tuple(
-            (slice(i // 2, None, 2), slice(i % 2, None, 2), colour) for i, colour in enumerate(self.pattern)
-        )
+    @property
+    def kind(self) -> str:
+        """As capture.yaml names it: bayer, mono, dofp or dofp_bayer."""
+        if self.layout_deg is None:
+            return "mono" if self.pattern == "MONO" else "bayer"
+        return "dofp" if self.pattern == "MONO" else "dofp_bayer"
+
+    @property
+    def side(self) -> int:
+        """Pixels a side of the cell that repeats."""
+        return 4 if self.kind == "dofp_bayer" else 2
+
+    def cell(self) -> tuple[Site, ...]:
+        """The positions of the cell, row by row."""
+        return tuple(self._site(row, column) for row in range(self.side) for column in range(self.side))
+
+    def _site(self, row: int, column: int) -> Site:
+        group = self.side // 2
+        colour = MONO if self.pattern == "MONO" else self.pattern[2 * (row // group) + column // group]
+        axis_deg = None if self.layout_deg is None else self.layout_deg[row % 2][column % 2]
+        return Site(slice(row, None, self.side), slice(column, None, self.side), colour, axis_deg)
+
+    def sensitivity_of(self, colour: str) -> float:
+        """Electrons a second from radiance 1."""
+        return self.sensitivity_e_per_s[COLOURS.index("G" if colour == MONO else colour)]
 
     @property
     def largest_e(self) -> float:
@@ -129,9 +168,9 @@ def fixed_pattern(sensor: Sensor, generator: np.random.Generator) -> FixedPatter
     prnu = 1.0 + sensor.prnu * generator.standard_normal(shape, dtype=np.float32)
     offset = sensor.dsnu_dn * generator.standard_normal(shape, dtype=np.float32)
     response = prnu * _falloff(sensor)
-    for rows, columns, colour in sensor.cell():
-        response[rows, columns] *= sensor.sensitivity_e_per_s[COLOURS.index(colour)]
-        offset[rows, columns] += sensor.black[rows.start][columns.start]
+    for rows, columns, colour, _ in sensor.cell():
+        response[rows, columns] *= sensor.sensitivity_of(colour)
+        offset[rows, columns] += sensor.black[rows.start % 2][columns.start % 2]
     background = sensor.background_e_per_s * prnu
     return FixedPattern(*(array.astype(np.float32) for array in (response, background, offset)))
 
@@ -224,6 +263,12 @@ def auto_exposure(
             f"the shortest exposure, {EXPOSURES_S[0]} s, is still too long for {brightest:.3g} electrons a second"
         )
     return fitting[-1]
+
+
+def stops_from(exposure_s: Fraction, stops: int) -> Fraction:
+    """So many settings longer, or shorter where negative; the last one where there are no more."""
+    at = EXPOSURES_S.index(exposure_s) + stops
+    return EXPOSURES_S[min(max(at, 0), len(EXPOSURES_S) - 1)]
 
 
 def _falloff(sensor: Sensor) -> FloatArray:

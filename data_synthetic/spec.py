@@ -3,34 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reflectance_fit.errors import ReflectanceFitError
 from reflectance_fit.materials import library
-from reflectance_fit.physics.stokes import circular, linear, unpolarized
 
-from .sensor import Sensor
+from .picture import Optics
+from .rig import CHANNELS, LIGHTS, MONO_CHANNELS, STATED_DIATTENUATION, Channel, Faults, Light, Setting
+from .sensor import MONO, Layout, Sensor
+from .target import Board
 
-Shape = Literal["flat", "sphere"]
+Shape = Literal["flat", "sphere", "board"]
 NoiseLevel = Literal["none", "low", "typical", "high"]
+SensorKind = Literal["bayer", "mono", "dofp", "dofp_bayer"]
+FileKind = Literal["dng", "tiff"]
 
-STATED_DIATTENUATION = 0.999
 ANALYZER_DEG = (0.0, 45.0, 90.0, 135.0)
-_QUARTER_WAVE_NM = 550.0
+IMX250: Layout = ((90.0, 45.0), (135.0, 0.0))
+"""Transmission axes of Sony's IMX250MZR and its like, rows from the top."""
 # From below to above Brewster's angle; metals show their index near the principal angle only.
 _DIELECTRIC_DEG = (30.0, 45.0, 55.0, 60.0, 70.0)
 _METAL_DEG = (45.0, 60.0, 70.0, 75.0, 80.0)
-# A flat sample reaches beyond the region that is measured; shares of the frame, on each side.
-_SAMPLE, _REGION = 0.02, 0.25
-_RADIUS = 0.42  # of the frame's height
+_BOARD_DEG = (30.0, 45.0, 55.0, 60.0, 65.0)  # markers grow too narrow beyond
+# Of a lens that shows a board from three times its width: pixels of focal length a pixel of the frame's width.
+_FOCAL, _BLUR_PX, _GEOMETRY_VIEWS = 2.1, 0.7, 12
 # Over a quarter-wave plate at 0 these two differ by S3.
 _WITH_PLATE_DEG = (45.0, 135.0)
 # Standard deviations of a rig's errors, and the random stream they come from.
-_ANGLE_DEG, _ANALYZER_AXIS_DEG, _RIG = 0.2, 0.3, 99
+_ANGLE_DEG, _ANALYZER_AXIS_DEG, _PRINT_SCALE, _RIG = 0.2, 0.3, 0.0005, 99
 
 SENSORS: dict[NoiseLevel, Sensor] = {
     "none": Sensor(prnu=0.0, dsnu_dn=0.0, background_e_per_s=0.0),
@@ -42,94 +45,19 @@ SENSORS: dict[NoiseLevel, Sensor] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Light:
-    """The incident light: linear at an angle from s towards p, circular, or else unpolarized."""
-
-    linear_deg: float | None = None
-    circular: Literal["right", "left"] | None = None
-
-    def __post_init__(self) -> None:
-        if self.linear_deg is not None and self.circular is not None:
-            raise ValueError("light is linear or circular, not both")
-
-    def stokes(self) -> NDArray[np.float64]:
-        """Of power 1, in the (s, p) frame, shape (4,)."""
-        if self.linear_deg is not None:
-            return linear(np.radians(self.linear_deg))
-        return unpolarized() if self.circular is None else circular(self.circular)
-
-
-LIGHTS = {"unpolarized": Light(), "linear45": Light(linear_deg=45.0), "circular": Light(circular="right")}
-
-
-@dataclass(frozen=True, slots=True)
-class Channel:
-    """A colour of the sensor; the sample has its index at the nominal wavelength over all of the band."""
-
-    name: str
-    wavelength_nm: float
-    fwhm_nm: float
-
-    @property
-    def retardance_deg(self) -> float:
-        """Of the plate: a quarter wave at 550 nm, the same path difference elsewhere."""
-        return round(90.0 * _QUARTER_WAVE_NM / self.wavelength_nm, 4)
-
-
-CHANNELS = (Channel("R", 600.0, 90.0), Channel("G", 550.0, 90.0), Channel("B", 450.0, 80.0))
-
-
-@dataclass(frozen=True, slots=True)
-class Setting:
-    """Analyzer's transmission axis and, where the plate is in the beam, its fast axis; both in the picture."""
-
-    analyzer_deg: float
-    retarder_deg: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Faults:
-    """What capture.yaml does not tell, by the names and units of the fit's nuisances.
-
-    ``angle_offset_deg`` and ``analyzer_offset_deg`` are added to the stated
-    angles.  ``diffuse`` is unpolarized light, as a fraction of the largest
-    signal at the same angle and in the same colour.  ``source_dolp`` is the
-    part of the unpolarized light that is linear at ``source_azimuth_deg`` from
-    s.  ``diattenuation`` is the analyzer's, stated as 0.999.
-    """
-
-    angle_offset_deg: float = 0.0
-    analyzer_offset_deg: float = 0.0
-    diffuse: float = 0.0
-    source_dolp: float = 0.0
-    source_azimuth_deg: float = 0.0
-    diattenuation: float = STATED_DIATTENUATION
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.diffuse < 1.0 or not 0.0 <= self.source_dolp <= 1.0:
-            raise ValueError("diffuse must be in [0, 1), source_dolp in [0, 1]")
-
-    def as_dict(self) -> dict[str, float]:
-        return asdict(self)
-
-    def source(self, light: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The Stokes vector that arrives instead of ``light``, shape (4,)."""
-        polarized = self.source_dolp * (light[0] - np.sqrt(np.sum(light[1:] ** 2)))
-        extra = linear(np.radians(self.source_azimuth_deg)) * polarized
-        extra[0] = 0.0
-        return np.asarray(light + extra)
-
-
-@dataclass(frozen=True, slots=True)
 class CaptureSpec:
     """One capture.
 
-    ``angles_deg`` are those stated, of a flat sample.  ``index`` is (eta, k)
-    relative to vacuum for all channels, in place of the material's own.
-    ``noise`` False leaves out shot and read noise.  ``nuisances`` are what
-    capture.yaml tells the fit to allow for, with their sigmas.  ``darks`` are
-    frames for each exposure time in use, ``flats`` frames of a white,
-    unpolarized target.
+    ``angles_deg`` are those stated, of a flat sample, or a board's tilts.
+    ``index`` is (eta, k) relative to vacuum for all channels, in place of the
+    material's own.  ``noise`` False leaves out shot and read noise.
+    ``nuisances`` are what capture.yaml tells the fit to allow for, with their
+    sigmas.  ``bracket`` are the stops by which each sample frame is repeated
+    longer or shorter.  ``darks`` are frames for each exposure time in use,
+    ``flats`` frames of a white, unpolarized target, taken anew at each of
+    ``flat_stops`` shorter.  ``geometry_views`` show the board alone in other
+    poses; without any, capture.yaml states the focal length.  ``noise_profile`` False keeps the noise out of the files.
+    ``stated_diattenuation`` is what capture.yaml says of the analyzer.
     """
 
     material: str
@@ -147,11 +75,24 @@ class CaptureSpec:
     nuisances: Mapping[str, float] = field(default_factory=dict)
     darks: int = 1
     flats: int = 1
+    flat_stops: tuple[int, ...] = (0,)
+    bracket: tuple[int, ...] = (0,)
+    optics: Optics = field(default_factory=Optics)
+    board: Board = field(default_factory=Board)
+    geometry_views: int = 0
+    noise_profile: bool = True
+    stated_diattenuation: float = STATED_DIATTENUATION
+    files: FileKind = "dng"
 
     def __post_init__(self) -> None:
+        own = self.sensor.layout_deg is not None
         problems = [
             (not self.settings, "there must be an analyzer angle"),
-            (self.shape == "flat" and not self.angles_deg, "there must be an angle of incidence"),
+            (
+                any((setting.analyzer_deg is None) != own for setting in self.settings),
+                "analyzer angles are for sensors without polarizers on their pixels",
+            ),
+            (self.shape != "sphere" and not self.angles_deg, "there must be an angle of incidence"),
             (
                 not all(0.0 <= a <= 90.0 for a in self.angles_deg),
                 "angles of incidence are from 0 to 90 degrees",
@@ -161,32 +102,29 @@ class CaptureSpec:
                 "a ball needs light that is alike from all sides: unpolarized or circular",
             ),
             (
-                self.shape == "sphere" and (self.faults.angle_offset_deg or self.faults.source_dolp),
-                "offsets of stated angles and a polarized source are faults of a flat sample",
+                self.shape == "sphere" and bool(self.faults.source_dolp),
+                "a polarized source is a fault of a flat sample",
+            ),
+            (
+                self.shape != "flat" and bool(self.faults.angle_offset_deg),
+                "offsets of stated angles are faults of a flat sample",
+            ),
+            (self.shape == "board" and self.optics.focal_px is None, "a board is seen in perspective"),
+            (self.shape == "board" and max(self.angles_deg) > 80.0, "a board is seen up to 80 degrees"),
+            (
+                self.sensor.kind == "bayer" and self.files == "tiff",
+                "colour filters are for DNG files: a TIFF does not name them",
             ),
         ]
         wrong = [message for failed, message in problems if failed]
         if wrong:
             raise ReflectanceFitError(wrong[0])
 
-    @property
-    def outline(self) -> tuple[int, int, int, int]:
-        """x0, y0, x1, y1 in pixels of a flat sample, the last two exclusive."""
-        return self._frame_less(_SAMPLE)
-
-    @property
-    def ball(self) -> tuple[tuple[float, float], float]:
-        """Centre and radius in pixels; not in the middle, and not on a pixel."""
-        sensor = self.sensor
-        return (sensor.width / 2 + 7.3, sensor.height / 2 - 4.6), round(_RADIUS * sensor.height, 1)
-
-    @property
-    def region(self) -> tuple[int, int, int, int]:
-        """The pixels to measure, as ``outline``: inside a flat sample, or around a ball."""
-        if self.shape == "flat":
-            return self._frame_less(_REGION)
-        (x, y), radius = self.ball
-        return int(x - radius), int(y - radius), int(x + radius) + 2, int(y + radius) + 2
+    def channel_of(self, colour: str) -> Channel:
+        """The channel of a sensor's colour; the only one without colour filters."""
+        if colour == MONO:
+            return self.channels[0]
+        return next(channel for channel in self.channels if channel.name == colour)
 
     def index_of(self, channel: Channel) -> tuple[float, float]:
         """eta and k relative to vacuum.
@@ -198,22 +136,17 @@ class CaptureSpec:
         eta, k = library.get(self.material).absolute_index(channel.wavelength_nm)
         return float(eta), float(k)
 
-    def _frame_less(self, share: float) -> tuple[int, int, int, int]:
-        """Whole colour cells only."""
-        width, height = self.sensor.width, self.sensor.height
-        dx, dy = 2 * round(share * width / 2), 2 * round(share * height / 2)
-        return dx, dy, width - dx, height - dy
-
 
 def standard_spec(
     material: str,
     *,
     shape: Shape = "flat",
     angles_deg: tuple[float, ...] = (),
-    analyzer_deg: tuple[float, ...] = ANALYZER_DEG,
+    analyzer_deg: tuple[float, ...] = (),
     light: Light | None = None,
     noise: NoiseLevel = "typical",
     seed: int = 0,
+    sensor: SensorKind = "bayer",
 ) -> CaptureSpec:
     """A capture that can identify a built-in material.
 
@@ -221,7 +154,9 @@ def standard_spec(
     metal's index is in: metals and semiconductors get 45 degree linear light
     if flat, circular light if a ball.  Polarized light on a flat sample is also
     seen through a quarter-wave plate, which turns S3 into what an analyzer sees.
-    The rig of a flat sample is slightly off, and capture.yaml allows for it.
+    The rig of a flat sample is slightly off, and capture.yaml allows for it; a
+    board is not printed quite to scale.  A sensor with polarizers on its pixels
+    is like Sony's and needs no ``analyzer_deg``.
     """
     if shape == "sphere" and angles_deg:
         raise ReflectanceFitError("a ball shows all angles of incidence at once; leave them away")
@@ -229,26 +164,46 @@ def standard_spec(
     transparent = entry.kind == "dielectric"
     if light is None:
         light = LIGHTS["unpolarized" if transparent else "circular" if shape == "sphere" else "linear45"]
-    settings = [Setting(angle) for angle in analyzer_deg]
-    faults, nuisances = Faults(), dict[str, float]()
-    if shape == "flat" and light != Light():
-        settings += [Setting(angle, 0.0) for angle in _WITH_PLATE_DEG]
-    if shape == "flat" and noise != "none":
+    camera = _with_filters(SENSORS[noise], sensor)
+    own = camera.layout_deg is not None
+    if own and analyzer_deg:
+        raise ReflectanceFitError("the sensor has polarizers on its pixels; leave the analyzer away")
+    settings = [Setting(None)] if own else [Setting(angle) for angle in analyzer_deg or ANALYZER_DEG]
+    faults, nuisances, board = Faults(), dict[str, float](), Board()
+    if shape != "sphere" and light != Light():
+        settings += [Setting(None, 0.0)] if own else [Setting(angle, 0.0) for angle in _WITH_PLATE_DEG]
+    if shape != "sphere" and noise != "none":
         # Nobody sets up angles exactly: a rig is off by what a careful hand leaves.
-        angle, analyzer = np.random.default_rng([seed, _RIG]).normal(0.0, (_ANGLE_DEG, _ANALYZER_AXIS_DEG))
-        faults = Faults(
-            angle_offset_deg=round(float(angle), 4), analyzer_offset_deg=round(float(analyzer), 4)
-        )
-        nuisances = {"angle_offset_deg": 0.5, "analyzer_offset_deg": 1.0}
+        generator = np.random.default_rng([seed, _RIG])
+        angle, analyzer = generator.normal(0.0, (_ANGLE_DEG, _ANALYZER_AXIS_DEG))
+        faults = Faults(analyzer_offset_deg=round(float(analyzer), 4))
+        nuisances = {"analyzer_offset_deg": 1.0}
+        if shape == "flat":
+            faults = replace(faults, angle_offset_deg=round(float(angle), 4))
+            nuisances = {"angle_offset_deg": 0.5} | nuisances
+        else:
+            across, down = (round(1.0 + float(x), 6) for x in generator.normal(0.0, _PRINT_SCALE, 2))
+            board = Board(print_scale=(across, down))
+    default_deg = _BOARD_DEG if shape == "board" else _DIELECTRIC_DEG if transparent else _METAL_DEG
     return CaptureSpec(
         material=entry.name,
         shape=shape,
-        angles_deg=angles_deg or (_DIELECTRIC_DEG if transparent else _METAL_DEG),
+        angles_deg=angles_deg or default_deg,
         settings=tuple(settings),
         light=light,
-        sensor=SENSORS[noise],
+        sensor=camera,
         noise=noise != "none",
         seed=seed,
+        channels=MONO_CHANNELS if camera.pattern == "MONO" else CHANNELS,
         faults=faults,
         nuisances=nuisances,
+        optics=Optics(round(_FOCAL * camera.width, 1), _BLUR_PX) if shape == "board" else Optics(),
+        board=board,
+        geometry_views=_GEOMETRY_VIEWS if shape == "board" else 0,
     )
+
+
+def _with_filters(sensor: Sensor, kind: SensorKind) -> Sensor:
+    """The same silicon under other filters."""
+    pattern = "MONO" if kind in ("mono", "dofp") else sensor.pattern
+    return replace(sensor, pattern=pattern, layout_deg=IMX250 if kind.startswith("dofp") else None)

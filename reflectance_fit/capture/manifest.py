@@ -7,10 +7,20 @@ contradiction still has its line.  docs/formats/capture.md is the same in prose.
 
 from __future__ import annotations
 
+from fractions import Fraction
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    PlainValidator,
+    Tag,
+    model_validator,
+)
 
 from reflectance_fit.manifests import (
     Block,
@@ -34,6 +44,18 @@ def _hexadecimal(text: str) -> str:
     return text.lower()
 
 
+def _seconds(value: Any) -> Fraction:
+    """An exact number of seconds: 0.01 is 1/100, and "1/60" may be written."""
+    try:
+        # Of `true`, `.inf` and whatever else YAML knows, the text is no fraction.
+        seconds = Fraction(str(value).replace(" ", ""))
+    except (ValueError, ZeroDivisionError):
+        raise ValueError("must be a number of seconds, such as 0.01 or 1/60") from None
+    if not 0 < seconds < 10**6:
+        raise ValueError("must be above 0 and below a million seconds")
+    return seconds
+
+
 def _label(value: Any) -> Any:
     return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
 
@@ -47,11 +69,13 @@ PerChannel = Annotated[
     Annotated[T, Tag("plain")] | Annotated[dict[Text, T], Tag("block")], Discriminator(_spelling)
 ]
 NotNegative = Annotated[Number, Field(ge=0)]
+Seconds = Annotated[Fraction, PlainValidator(_seconds, json_schema_input_type=float | str)]
 Pixel = Annotated[int, Field(strict=True, ge=0)]
 # `set: 1` is meant as a name too.
 Label = Annotated[Text, BeforeValidator(_label, json_schema_input_type=str | int)]
 Sha256 = Annotated[str, AfterValidator(_hexadecimal)]
 Region = Annotated[tuple[Pixel, ...], Field(min_length=4, max_length=4)]
+Registration = Literal["none", "translation", "euclidean"]
 Role = Literal["sample", "dark", "flat", "reference", "polarizer", "geometry"]
 
 
@@ -83,8 +107,24 @@ class Camera(Block):
     focal_length_px: Positive | None = Field(
         default=None, description="Focal length in pixels: models the spread of theta over the region"
     )
+    offset_map: Text | None = Field(
+        default=None, description="TIFF file: DN of each pixel without light, in place of the black level"
+    )
+    gain_map: Text | None = Field(
+        default=None,
+        description="TIFF file: factor of each pixel's counts; only ratios between pixels matter",
+    )
     encoding: Literal["linear", "srgb"] | None = Field(
-        default=None, description="How to undo the encoding of images that are not RAW"
+        default=None, description="The frames are PNG or TIFF, not RAW: how their values follow light"
+    )
+    pattern: Literal["RGGB", "BGGR", "GRBG", "GBRG"] | None = Field(
+        default=None, description="Colours of the top left 2 x 2 pixels, where the files do not tell"
+    )
+    black_dn: PerChannel[NotNegative] | None = Field(
+        default=None, description="Black level, raw counts; default: as the file says"
+    )
+    white_dn: PerChannel[Positive] | None = Field(
+        default=None, description="Raw counts at which the sensor clips; default: as the file says"
     )
 
 
@@ -105,6 +145,10 @@ class Illumination(Polarization):
 
     shape: Literal["small", "surround"] = Field(
         default="small", description="small: a lamp; surround: light from all sides"
+    )
+    half_angle_deg: Annotated[Number, Field(ge=0, le=20)] = Field(
+        default=0.0,
+        description="Half-angle of the cone of light that one point of the picture collects",
     )
     uniform: bool = Field(
         default=False,
@@ -171,12 +215,17 @@ class FrameEntry(Block):
     retarder_deg: Number | None = Field(
         default=None, description="Fast axis of the retarder, counter-clockwise from the picture's horizontal"
     )
-    exposure_s: Positive | None = Field(default=None, description="Default: as the file says")
+    exposure_s: Seconds | None = Field(
+        default=None, description="Seconds, or a fraction as 1/60; default: as the file says"
+    )
     iso: Positive | None = Field(default=None, description="Default: as the file says")
     light: Light | None = Field(default=None, description="Incident beam of this frame")
     region: Region | None = Field(default=None, description="[x0, y0, x1, y1] of this frame")
     s_axis_deg: Number | None = Field(default=None, description="Of this frame")
     gain_group: Text | None = Field(default=None, description="Frames of one group share one unknown gain")
+    material: Text | None = Field(
+        default=None, description="reference: what is seen, a built-in material or 'white'"
+    )
     set: Label = Field(default="0", description="Frames taken in one go")
     channel: Label | None = Field(default=None, description="Use the frame for this channel alone")
 
@@ -196,6 +245,10 @@ class Manifest(Subject):
     geometry: Geometry = Field(description="Where the angles of incidence come from")
     region: Region | None = Field(
         default=None, description="[x0, y0, x1, y1] in raw sensor pixels, x1 and y1 exclusive; default: all"
+    )
+    registration: Registration | None = Field(
+        default=None,
+        description="How frames of one view may be shifted against each other; default: by the geometry",
     )
     frames: Annotated[tuple[FrameEntry, ...], Field(min_length=1)] = Field(
         description="One entry a photograph"

@@ -1,191 +1,96 @@
-"""Calibrated frames to rows: dark subtracted, flat and exposure divided out, sigma by the noise model.
-
-A signal is DN per second.  Its sigma is that of the mean over a bin: shot and
-read noise of the pixels, of the frame and of its darks.  Fixed patterns (PRNU,
-vignetting) are equal in all frames that share a gain and go into that gain; on
-a sphere they do not, and flats divide them out at the price of their own noise.
-"""
+"""Calibrated frames to rows: one a bin, frames of equal light pooled where angles are seen all at once."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.capture.frames import Capture, Exposure, Frame
-from reflectance_fit.capture.geometry import SECTORS
-from reflectance_fit.capture.reduce import Bins, FrameMeans, PlaneMeans, SphereBins
+from reflectance_fit.capture.calibrate import Calibrated, FloatArray, Signals
+from reflectance_fit.capture.frames import Capture, Frame, OnBoard, Stated
+from reflectance_fit.capture.geometry import SECTORS, theta_sigma
+from reflectance_fit.capture.raw import Plane
+from reflectance_fit.capture.spread import Spread, over_cone, over_region
 from reflectance_fit.observations import Flag, Observations, Quantity, concatenate
 
-FloatArray = NDArray[np.float64]
-
-# A few hot pixels are clipped in every frame; more than this share, and the mean is too low.
-SATURATED_SHARE = 1e-3
-QUANTISATION = 1 / 12  # DN^2
-MIN_PIXELS = 20  # of a bin on a sphere
-TYPICAL_PRNU = 0.005  # where no flat divides it out
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Signals:
-    """One channel of one frame; arrays of shape (bins,)."""
-
-    value: FloatArray
-    variance: FloatArray
-    per_dn: FloatArray
-    pixels: NDArray[np.int64]
-    saturated: NDArray[np.bool_]
-    theta: FloatArray
-    theta_squared: FloatArray
-    cos_2phi: FloatArray
-    sin_2phi: FloatArray
-
-    @property
-    def mean(self) -> float:
-        """Over all pixels of the bins that are not clipped."""
-        weight = np.where(self.saturated, 0, self.pixels)
-        total = weight.sum()
-        return float(np.sum(weight * np.nan_to_num(self.value)) / total) if total else math.nan
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Calibrated:
-    """A sample frame ready to become rows."""
-
-    frame: Frame
-    exposure: Exposure
-    channels: dict[str, Signals]
-
-    @property
-    def saturated_share(self) -> float:
-        """Of all pixels in the bins, those whose bin is clipped."""
-        pixels = sum(int(s.pixels.sum()) for s in self.channels.values())
-        clipped = sum(int(s.pixels[s.saturated].sum()) for s in self.channels.values())
-        return clipped / pixels if pixels else 0.0
-
-
-def calibrate(
-    capture: Capture,
-    frame: Frame,
-    exposure: Exposure,
-    bins: Bins,
-    means: FrameMeans,
-    darks: Sequence[FrameMeans],
-    flats: Sequence[tuple[FrameMeans, float, Sequence[FrameMeans]]],
-) -> Calibrated:
-    """Signals of every channel of a sample frame over ``bins``.
-
-    ``flats`` are (means, exposure in seconds, its darks).
-    """
-    channels = {}
-    for channel in frame.channels:
-        plane = "mono" if capture.sensor == "mono" else channel
-        own = means.over(bins)[plane]
-        noise = _noise(capture, channel, plane, means, darks, [flat[0] for flat in flats])
-        value, variance = _minus_darks(own, noise, [d.over(bins)[plane] for d in darks])
-        seconds = float(exposure.seconds or math.nan)
-        value, variance = value / seconds, variance / seconds**2
-        per_dn = np.full_like(value, 1 / seconds)
-        # On a sphere each bin has its own pixels, so what they differ by does not go into a gain.
-        unlike = (TYPICAL_PRNU * value) ** 2 / np.maximum(own.pixels, 1)
-        angles = [own]
-        if flats:
-            angles = [flat[0].over(bins)[plane] for flat in flats]
-            levels, noises = zip(*(_flat(flat, bins, plane, noise) for flat in flats), strict=True)
-            level = np.mean(levels, axis=0)
-            value, variance, per_dn = value / level, variance / level**2, per_dn / level
-            unlike = value**2 * np.sum(noises, axis=0) / (len(flats) * level) ** 2
-        if isinstance(bins, SphereBins):
-            variance = variance + unlike
-        channels[channel] = Signals(
-            value=value,
-            variance=variance,
-            per_dn=per_dn,
-            pixels=own.pixels,
-            saturated=own.saturated > SATURATED_SHARE * own.pixels,
-            theta=np.mean([a.theta for a in angles], axis=0),
-            theta_squared=np.mean([a.theta_squared for a in angles], axis=0),
-            cos_2phi=np.mean([a.cos_2phi for a in angles], axis=0),
-            sin_2phi=np.mean([a.sin_2phi for a in angles], axis=0),
-        )
-    return Calibrated(frame, exposure, channels)
-
-
-def _noise(
-    capture: Capture,
-    channel: str,
-    plane: str,
-    means: FrameMeans,
-    darks: Sequence[FrameMeans],
-    flats: Sequence[FrameMeans],
-) -> tuple[float, float]:
-    """(a, b) of a pixel's variance a * mean + b, DN^2: the manifest's, the file's, that of the flats, or NaN."""
-    if capture.noise is not None:
-        noise = capture.noise[channel]
-        return 1 / noise.gain_e_per_dn, (noise.read_noise_e / noise.gain_e_per_dn) ** 2 + QUANTISATION
-    if means.noise is not None and plane in means.noise:
-        return means.noise[plane]
-    if not flats:
-        return math.nan, math.nan
-    # How neighbours differ holds the pixels' own differences too, so this errs to the large side.
-    floor = float(np.mean([d.scatter[plane][1] for d in darks])) if darks else QUANTISATION
-    slopes = [(variance - floor) / mean for mean, variance in (f.scatter[plane] for f in flats)]
-    return max(float(np.mean(slopes)), 0.0), floor
-
-
-def _minus_darks(
-    own: PlaneMeans, noise: tuple[float, float], darks: Sequence[PlaneMeans]
-) -> tuple[FloatArray, FloatArray]:
-    """Mean above the darks (above the black level without any), and its variance; DN."""
-    value, variance = own.mean, _variance(own, noise)
-    if darks:
-        value = value - np.mean([d.mean for d in darks], axis=0)
-        variance = variance + np.sum([_variance(d, noise) for d in darks], axis=0) / len(darks) ** 2
-    return value, variance
-
-
-def _variance(means: PlaneMeans, noise: tuple[float, float]) -> FloatArray:
-    slope, floor = noise
-    pixel = slope * np.maximum(means.mean, 0.0) + floor
-    return np.asarray(pixel / np.maximum(means.pixels, 1))
-
-
-def _flat(
-    flat: tuple[FrameMeans, float, Sequence[FrameMeans]], bins: Bins, plane: str, noise: tuple[float, float]
-) -> tuple[FloatArray, FloatArray]:
-    """A flat's level over the bins, DN per second, and its variance."""
-    means, seconds, darks = flat
-    value, variance = _minus_darks(means.over(bins)[plane], noise, [d.over(bins)[plane] for d in darks])
-    return value / seconds, variance / seconds**2
+MIN_PIXELS = 20  # of a bin that holds one angle of many
 
 
 def flat_rows(capture: Capture, samples: Sequence[Calibrated]) -> Observations:
-    """One row a frame and channel, for a sample whose angle of incidence is stated."""
+    """One row a frame, plane and ring of angles, for a flat sample."""
     parts = []
     for channel in capture.channels:
         for sample in samples:
-            if channel in sample.channels:
-                s, frame = sample.channels[channel], sample.frame
-                rows = Rows(
-                    group=np.array([str(frame.gain_group)]),
-                    theta_deg=np.array([frame.theta_deg]),
-                    theta_deg_spread=np.zeros(1),
-                    analyzer_deg=np.array([frame.analyzer_deg - frame.s_axis_deg]),
-                    modulation=np.ones(1),
-                    value=s.value,
-                    variance=s.variance,
-                    per_dn=s.per_dn,
-                    pixels=s.pixels,
-                    saturated=s.saturated,
-                )
-                parts.append(_observations(capture, channel, frame, rows))
+            for plane, signals in sample.of(channel):
+                rows = _stated(capture, sample.frame, plane, signals)
+                if isinstance(capture.geometry, OnBoard):
+                    rows = _measured(capture.geometry, sample.frame, signals)
+                parts.append(_observations(capture, channel, sample.frame, rows))
     return concatenate(parts)
 
 
-def sphere_rows(capture: Capture, samples: Sequence[Calibrated]) -> Observations:
+def _stated(capture: Capture, frame: Frame, plane: Plane, signals: Signals) -> Rows:
+    """The angle that the manifest states, at the middle of the region."""
+    axis_deg = frame.analyzer_deg if plane.axis_deg is None else plane.axis_deg
+    theta, s_axis = math.radians(frame.theta_deg), math.radians(frame.s_axis_deg)
+    spread = Spread(theta, 0.0, 1.0)
+    geometry = capture.geometry
+    if isinstance(geometry, Stated) and geometry.camera is not None:
+        spread = over_region(frame.box(geometry.camera.shape), geometry.camera, theta, s_axis)
+    return Rows(
+        group=np.array([str(frame.gain_group)]),
+        # Bit by bit the stated angle where there is nothing to add.
+        theta_deg=np.array([frame.theta_deg + math.degrees(spread.theta - theta)]),
+        theta_deg_sigma=np.array([frame.theta_deg_sigma]),
+        theta_deg_spread=np.array([math.degrees(spread.width)]),
+        analyzer_deg=np.array([axis_deg - frame.s_axis_deg - math.degrees(spread.turn)]),
+        modulation=np.array([spread.modulation]),
+        value=signals.value,
+        variance=signals.variance,
+        per_dn=signals.per_dn,
+        pixels=signals.pixels,
+        saturated=signals.saturated,
+        rejected=signals.rejected,
+    )
+
+
+def _measured(board: OnBoard, frame: Frame, signals: Signals) -> Rows:
+    """The angles that the board tells, a ring a row; frames of one pose share a gain a ring."""
+    pose = board.poses[frame.path]
+    group = frame.gain_group or f"{frame.set}:view {pose.view}"
+    several = frame.gain_group is None and len(signals.pixels) > 1
+    rings = [f"{group}:ring {ring}" if several else group for ring in range(len(signals.pixels))]
+    seen = signals.pixels >= MIN_PIXELS
+
+    def of(name: str) -> FloatArray:
+        return np.asarray(getattr(signals, name)[seen])
+
+    theta = of("theta")
+    return Rows(
+        group=np.array(rings)[seen],
+        # To a thousandth of a degree, so that frames of one pose stand at one angle whatever their flats.
+        theta_deg=np.asarray(np.round(np.degrees(theta), 3), dtype=np.float64),
+        theta_deg_sigma=np.full(len(theta), frame.theta_deg_sigma),
+        theta_deg_spread=_degrees_of(of("theta_squared") - theta**2),
+        analyzer_deg=np.degrees(0.5 * np.arctan2(of("sin_2phi"), of("cos_2phi"))),
+        modulation=np.hypot(of("cos_2phi"), of("sin_2phi")),
+        value=of("value"),
+        variance=of("variance"),
+        per_dn=of("per_dn"),
+        pixels=np.asarray(signals.pixels[seen]),
+        saturated=np.asarray(signals.saturated[seen]),
+        rejected=np.asarray(signals.rejected[seen]),
+    )
+
+
+def _degrees_of(variance: FloatArray) -> FloatArray:
+    return np.degrees(np.sqrt(np.maximum(variance, 0.0)))
+
+
+def angle_rows(capture: Capture, samples: Sequence[Calibrated]) -> Observations:
     """One row a channel, ring and sector, frames of equal light pooled.
 
     All pixels of a bin are at one angle of incidence and, within the sector,
@@ -196,14 +101,14 @@ def sphere_rows(capture: Capture, samples: Sequence[Calibrated]) -> Observations
     """
     parts = []
     for channel in capture.channels:
-        kinds: dict[tuple[object, ...], list[Calibrated]] = {}
+        kinds: dict[tuple[object, ...], tuple[Frame, list[Signals]]] = {}
         for sample in samples:
-            if channel in sample.channels:
-                frame = sample.frame
-                kinds.setdefault((frame.light, frame.set, frame.gain_group), []).append(sample)
-        for pooled in kinds.values():
-            rows = _pool([sample.channels[channel] for sample in pooled], pooled[0].frame)
-            parts.append(_observations(capture, channel, pooled[0].frame, rows))
+            frame = sample.frame
+            _, pooled = kinds.setdefault((frame.light, frame.set, frame.gain_group), (frame, []))
+            pooled += [signals for _, signals in sample.of(channel)]
+        for frame, pooled in kinds.values():
+            if pooled:
+                parts.append(_observations(capture, channel, frame, _pool(capture, pooled, frame)))
     return concatenate(parts)
 
 
@@ -213,6 +118,7 @@ class Rows:
 
     group: NDArray[np.str_]
     theta_deg: FloatArray
+    theta_deg_sigma: FloatArray
     theta_deg_spread: FloatArray
     analyzer_deg: FloatArray
     modulation: FloatArray
@@ -221,9 +127,10 @@ class Rows:
     per_dn: FloatArray
     pixels: NDArray[np.int64]
     saturated: NDArray[np.bool_]
+    rejected: NDArray[np.bool_]
 
 
-def _pool(signals: Sequence[Signals], frame: Frame) -> Rows:
+def _pool(capture: Capture, signals: Sequence[Signals], frame: Frame) -> Rows:
     """Frames averaged bin by bin, weighted by pixels; clipped bins of a frame are left out of the average."""
     weight = np.stack([np.where(s.saturated, 0, s.pixels) for s in signals])
     total = weight.sum(axis=0)
@@ -244,7 +151,8 @@ def _pool(signals: Sequence[Signals], frame: Frame) -> Rows:
     return Rows(
         group=np.array([frame.gain_group or f"{frame.set}:ring {r}" for r in ring]),
         theta_deg=np.degrees(mean("theta")),
-        theta_deg_spread=np.degrees(np.sqrt(np.maximum(mean("theta_squared") - mean("theta") ** 2, 0.0))),
+        theta_deg_sigma=np.degrees(theta_sigma(capture, mean("theta"))),
+        theta_deg_spread=_degrees_of(mean("theta_squared") - mean("theta") ** 2),
         analyzer_deg=np.degrees(0.5 * np.arctan2(sin_2phi, cos_2phi)),
         modulation=np.hypot(cos_2phi, sin_2phi),
         value=mean("value"),
@@ -252,11 +160,30 @@ def _pool(signals: Sequence[Signals], frame: Frame) -> Rows:
         per_dn=mean("per_dn"),
         pixels=total.astype(np.int64),
         saturated=clipped[kept],
+        rejected=np.zeros(int(np.count_nonzero(kept)), dtype=np.bool_),
+    )
+
+
+def _widened(rows: Rows, half_angle: float) -> Rows:
+    """What each pixel collects comes from a cone of directions."""
+    if half_angle == 0.0:
+        return rows
+    theta = np.radians(rows.theta_deg)
+    cones = [over_cone(float(t), half_angle) for t in theta]
+    shift, width, modulation = np.array(
+        [(c.theta - t, c.width, c.modulation) for c, t in zip(cones, theta, strict=True)]
+    ).T
+    return replace(
+        rows,
+        theta_deg=rows.theta_deg + np.degrees(shift),
+        theta_deg_spread=np.hypot(rows.theta_deg_spread, np.degrees(width)),
+        modulation=rows.modulation * modulation,
     )
 
 
 def _observations(capture: Capture, channel: str, frame: Frame, rows: Rows) -> Observations:
     n = len(rows.value)
+    rows = _widened(rows, math.radians(capture.half_angle_deg))
     sigma = np.sqrt(rows.variance)
     return Observations(
         channel=np.full(n, channel),
@@ -264,7 +191,7 @@ def _observations(capture: Capture, channel: str, frame: Frame, rows: Rows) -> O
         set=np.full(n, frame.set),
         gain_group=rows.group,
         theta_deg=rows.theta_deg,
-        theta_deg_sigma=np.full(n, frame.theta_deg_sigma),
+        theta_deg_sigma=rows.theta_deg_sigma,
         theta_deg_spread=rows.theta_deg_spread,
         analyzer_deg=rows.analyzer_deg,
         retarder_deg=np.full(n, frame.retarder_deg - frame.s_axis_deg),
@@ -277,7 +204,7 @@ def _observations(capture: Capture, channel: str, frame: Frame, rows: Rows) -> O
         value=rows.value,
         sigma=sigma,
         pixels=rows.pixels,
-        flag=np.where(rows.saturated, str(Flag.SATURATED), str(Flag.USED)),
+        flag=np.select([rows.rejected, rows.saturated], [Flag.REJECTED, Flag.SATURATED], Flag.USED),
         fwhm_nm=np.full(n, capture.channels[channel].fwhm_nm),
         signal_per_dn=rows.per_dn,
     )

@@ -6,23 +6,38 @@ through ``workers``, never in the process of the command.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import rawpy
 from numpy.typing import NDArray
 
-from reflectance_fit.capture.tiff import RawTags, check_structure, read_tags
+from reflectance_fit.capture.optical_black import measured_black
+from reflectance_fit.capture.pixel_maps import PixelMaps
+from reflectance_fit.capture.structure import check_structure
+from reflectance_fit.capture.tiff import RawTags, read_tags
 from reflectance_fit.errors import Problem, ReflectanceFitError
 
 # The first without the memory errors published in 2026 (CVE-2026-21413 and others).
 _OLDEST_LIBRAW = (0, 22, 2)
 # LibRaw's white level is nominal; real sensors clip a little below it.
 CLIP_SHARE = 0.98
+
+
+class Plane(NamedTuple):
+    """What a pixel sees: its channel ("mono" without colour filters), and the axis of the polarizer on it.
+
+    ``axis_deg`` is counter-clockwise from the picture's horizontal, None without one.
+    """
+
+    channel: str
+    axis_deg: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,39 +48,67 @@ class RawFrame:
     ----------
     cfa : uint16, shape (h, w)
         Raw values in DN, black not subtracted.
-    pattern : str, shape (2, 2)
-        Plane of each pixel of the top left cell: "R", "G", "B" (both greens
-        "G"), or "mono" throughout.
-    black : float, shape (2, 2)
-        Black level of the same cell, DN.
-    white : float
-        Nominal saturation, DN; a sensor may clip below.
+    channels : str, shape (n, n)
+        Channel of each pixel of the top left cell: "R", "G", "B" (both greens
+        "G"), or "mono" throughout.  n is 2, or 4 where groups of 2 x 2 pixels
+        with a polarizer each share a colour.
+    axes_deg : float, shape (n, n)
+        Transmission axis of the polarizer on each pixel of the cell; NaN: none.
+    black, white : float, shape (n, n)
+        Black level and nominal saturation of the same cell, DN; a sensor may
+        clip below the latter.
     exposure_s : Fraction or None
         Seconds, where the file says so.
     iso : float or None
     noise_profile : dict of plane to (S, O), or None
         DNG's model: variance S x + O, normalised to black 0 and white 1.
+    measured_white : float, shape (n, n), or None
+        Where the pixels of this frame show that the sensor clips, at most ``white``.
+    maps : PixelMaps or None
+        Offset and gain of every pixel, where the camera has been measured.
+    unused_bits : int
+        How many low bits the file left empty; ``cfa`` is without them.
     """
 
     cfa: NDArray[np.uint16]
-    pattern: NDArray[np.str_]
+    channels: NDArray[np.str_]
+    axes_deg: NDArray[np.float64]
     black: NDArray[np.float64]
-    white: float
+    white: NDArray[np.float64]
     exposure_s: Fraction | None
     iso: float | None
     noise_profile: dict[str, tuple[float, float]] | None
+    measured_white: NDArray[np.float64] | None = None
+    maps: PixelMaps | None = None
+    unused_bits: int = 0
 
     @property
     def clip(self) -> NDArray[np.float64]:
-        """DN from which a pixel counts as clipped, of each pixel of the cell, shape (2, 2)."""
-        return self.black + CLIP_SHARE * (self.white - self.black)
+        """DN from which a pixel counts as clipped, of each pixel of the cell, shape (n, n)."""
+        white = self.white if self.measured_white is None else self.measured_white
+        return self.black + CLIP_SHARE * (white - self.black)
+
+    def plane(self, row: int, column: int) -> Plane:
+        """What the pixels at this position of the cell see."""
+        axis = float(self.axes_deg[row, column])
+        return Plane(str(self.channels[row, column]), None if math.isnan(axis) else axis)
+
+    def planes(self) -> tuple[Plane, ...]:
+        """What there is to see, in the order of the cell."""
+        n = len(self.channels)
+        return tuple(dict.fromkeys(self.plane(y, x) for y in range(n) for x in range(n)))
+
+    def sites(self, plane: Plane) -> list[tuple[int, int]]:
+        """The positions (row, column) of the cell that see ``plane``."""
+        n = len(self.channels)
+        return [(y, x) for y in range(n) for x in range(n) if self.plane(y, x) == plane]
 
 
 def decode(path: Path) -> RawFrame:
-    """Read one frame in this process.
+    """Read one frame in this process, as it stands in the file.
 
     Raises ReflectanceFitError, naming the file, for what is no raw file of a
-    Bayer or monochrome sensor, is damaged, or holds no picture.
+    Bayer or monochrome sensor, cannot be decoded, or holds one value only.
     """
     if rawpy.libraw_version < _OLDEST_LIBRAW:
         version = ".".join(map(str, rawpy.libraw_version))
@@ -77,18 +120,14 @@ def decode(path: Path) -> RawFrame:
         raw.unpack()
         if raw.raw_type != rawpy.RawType.Flat:
             raise _refused(
-                path, "holds several colours a pixel, so it was demosaiced or scanned; use full raw"
+                path,
+                "holds several colours a pixel: linear RGB, sRAW, Foveon or a scan; photograph in full Bayer RAW",
             )
         frame = _frame(raw, tags, path)
     # A hopelessly overexposed frame is alike everywhere too, and counts as saturated.
     if frame.cfa.min() == frame.cfa.max() < frame.clip.max():
-        raise _refused(
-            path, f"every pixel is {frame.cfa.max()}: there is no picture; copy it from the camera again"
-        )
-    if not frame.black.max() < frame.white:
-        raise _refused(
-            path, f"its black level {frame.black.max():g} is not below its white level {frame.white:g}"
-        )
+        reason = f"every pixel is {frame.cfa.max()}: there is no picture"
+        raise _refused(path, f"{reason}; copy it from the camera again, or expose it less")
     return frame
 
 
@@ -101,13 +140,16 @@ def _frame(raw: rawpy.RawPy, tags: RawTags, path: Path) -> RawFrame:
     image = tags.image if tags.dng else None
     black = image.black_cell(origin) if image else None
     white = image.white if image else None
+    if image and not image.states_black:
+        black = measured_black(raw.raw_image, image.masked, origin, float(white or raw.white_level))
     exposure_s, iso = (tags.exposure_s, tags.iso) if tags.container == "tiff" else _shot(raw)
     return RawFrame(
         # The view is LibRaw's memory, freed on closing.
         cfa=raw.raw_image_visible.copy(),
-        pattern=names,
+        channels=names,
+        axes_deg=np.full((2, 2), np.nan),
         black=np.array(raw.black_level_per_channel, dtype=float)[planes] if black is None else black,
-        white=float(raw.white_level if white is None else white),
+        white=np.full((2, 2), float(raw.white_level if white is None else white)),
         exposure_s=exposure_s,
         iso=iso,
         noise_profile=_noise(image.noise_profile if image else None, names),
@@ -121,9 +163,12 @@ def _cell(raw: rawpy.RawPy, origin: tuple[int, int], path: Path) -> tuple[NDArra
         return np.zeros((2, 2), dtype=np.intp), np.full((2, 2), "mono")
     pattern = raw.raw_pattern
     if pattern is None or pattern.shape != (2, 2):
-        size = "unknown" if pattern is None else " x ".join(map(str, pattern.shape))
+        shape = () if pattern is None else pattern.shape
+        size, sensor = " x ".join(map(str, shape)) or "unknown", "X-Trans" if shape == (6, 6) else ""
         raise _refused(
-            path, f"its colour filters repeat over {size} pixels; only Bayer and monochrome are read"
+            path,
+            f"is of a {f'{sensor} ' if sensor else ''}sensor whose colour filters repeat over {size} pixels; "
+            "only Bayer and monochrome are read",
         )
     planes = np.roll(pattern, (-origin[0], -origin[1]), axis=(0, 1)).astype(np.intp)
     names = np.array(list(raw.color_desc.decode("ascii")))[planes]
@@ -140,8 +185,24 @@ def _shot(raw: rawpy.RawPy) -> tuple[Fraction | None, float | None]:
         other = raw.other
     except ValueError:  # a date that is none
         return None, None
-    exposure_s = Fraction(other.shutter_speed).limit_denominator(100_000)
-    return exposure_s or None, other.iso_speed or None
+    return _rational(other.shutter_speed), other.iso_speed or None
+
+
+def _rational(single: float) -> Fraction | None:
+    """The simplest fraction that a 32-bit float stands for: 1/60 for 0.016666668; None for 0."""
+    if not 0 < single < math.inf:
+        return None
+    exact, half_step = Fraction(single), Fraction(1, 2**24)
+    low, high = exact * (1 - half_step), exact * (1 + half_step)
+    whole: list[int] = []
+    # The continued fractions of both ends agree up to the simplest number between them.
+    while (floor := low.numerator // low.denominator) + 1 > high and floor != low:
+        whole.append(floor)
+        low, high = 1 / (high - floor), 1 / (low - floor)
+    found = Fraction(floor if floor == low else floor + 1)
+    for term in reversed(whole):
+        found = term + 1 / found
+    return found
 
 
 def _noise(

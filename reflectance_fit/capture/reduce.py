@@ -7,52 +7,31 @@ the channel whose filter it has.  Values are DN above black.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.capture.raw import RawFrame
+from reflectance_fit.capture.bins import AngleBins, Bins, Box, Mask, Region, Shift
+from reflectance_fit.capture.dofp_cells import uneven_cells
+from reflectance_fit.capture.raw import Plane, RawFrame
+from reflectance_fit.capture.reading import Reading, read_frame
+from reflectance_fit.capture.thumbnails import cell_means
+from reflectance_fit.inputs import sha256_of
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-
-@dataclass(frozen=True, slots=True)
-class Region:
-    """A rectangle of sensor pixels, x1 and y1 exclusive, as one bin; all of the sensor where it is larger."""
-
-    x0: int = 0
-    y0: int = 0
-    x1: int = 2**31
-    y1: int = 2**31
-
-
-@dataclass(frozen=True, slots=True)
-class SphereBins:
-    """Rings of the angle of incidence times sectors of the local analyzer angle, on an opaque ball.
-
-    The ball is seen orthographically: sin(theta) is the distance from the
-    centre over the radius.  The plane of incidence holds the radius, so s
-    runs along the circle.  Pixel centres have integer coordinates.
-    ``analyzer`` is the transmission axis in the picture (radians,
-    counter-clockwise from its horizontal); ``edges`` are the rings' (radians).
-    """
-
-    center_x: float
-    center_y: float
-    radius: float
-    analyzer: float
-    edges: tuple[float, ...]
-    sectors: int
-
-
-Bins = Region | SphereBins
+# Pixels at a time: their angles take 50 bytes each.
+_CHUNK = 500_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlaneMeans:
-    """One colour plane, averaged per bin; arrays of shape (bins,).
+    """One plane, averaged per bin; arrays of shape (bins,).
 
     ``saturated`` counts clipped pixels, which ``mean`` includes.  ``theta``
     (radians), its square, ``cos_2phi`` and ``sin_2phi`` are means over the
@@ -73,122 +52,229 @@ class PlaneMeans:
 class FrameMeans:
     """A frame reduced: for each kind of bins asked for, the means of every plane.
 
-    ``noise`` maps a plane to (a, b): the variance of a pixel is a * mean + b in
-    DN^2, by the file's noise profile; None without one.  ``scatter`` maps a
+    ``noise`` maps a channel to (a, b): the variance of a pixel is a * mean + b
+    in DN^2, by the file's noise profile; None without one.  ``scatter`` maps a
     plane to its mean (DN above black) and the variance between neighbouring
-    pixels, both over the middle half of the sensor.
+    pixels, both over the middle half of the sensor.  ``clip`` maps a plane to
+    what counts as clipped, DN above black.  ``shape`` is the sensor's, (h, w).
+    ``sha256`` is the file's, "" of a frame that comes from none;
+    ``unused_bits`` as in RawFrame.  ``uneven`` maps a channel to how many cells
+    fail the test of ``uneven_cells``, and to all.
     """
 
     bins: tuple[Bins, ...]
-    planes: tuple[dict[str, PlaneMeans], ...]
+    planes: tuple[dict[Plane, PlaneMeans], ...]
     noise: dict[str, tuple[float, float]] | None
-    scatter: dict[str, tuple[float, float]]
+    scatter: dict[Plane, tuple[float, float]]
+    clip: dict[Plane, float]
+    shape: tuple[int, int]
+    sha256: str = ""
+    unused_bits: int = 0
+    uneven: dict[str, tuple[int, int]] = field(default_factory=dict)
 
-    def over(self, bins: Bins) -> dict[str, PlaneMeans]:
+    def over(self, bins: Bins) -> dict[Plane, PlaneMeans]:
         """The planes' means over one of ``bins``."""
         return self.planes[self.bins.index(bins)]
 
 
-def reduce_frame(frame: RawFrame, bins: tuple[Bins, ...], is_flat: bool = False) -> FrameMeans:
-    """Average ``frame`` over each of ``bins``.
+@dataclass(frozen=True, slots=True)
+class Changed:
+    """A file whose bytes are not those that the manifest states; it was not decoded."""
 
-    A sample's mean over its flat's is the mean reflectance of a bin weighted by
-    the flat, so it belongs to angles weighted alike: those of the flat.
+    sha256: str
+
+
+def reduce_file(
+    path: Path,
+    reading: Reading,
+    stated_sha256: str | None,
+    bins: tuple[Bins, ...],
+    is_flat: bool = False,
+    shift: Shift | None = None,
+    mask: Mask | None = None,
+    cell_noise: Mapping[str, tuple[float, float]] | None = None,
+    cells: tuple[Box, Path] | None = None,
+) -> FrameMeans | Changed:
+    """Check, decode and reduce one file; ReflectanceFitError for what cannot be read.
+
+    ``cell_noise`` is the noise to test cells of polarizers with, for channels of which the file does not tell;
+    None: they are not tested.  ``cells`` are rows and columns to be seen as a CellPicture, and the file to write
+    that to.
     """
-    names = sorted({str(name) for name in frame.pattern.flat})
+    found = sha256_of(path)
+    if stated_sha256 not in (None, found):
+        return Changed(found)
+    frame = read_frame(path, reading)
+    if cells is not None:
+        cell_means(frame, cells[0], shift).save(cells[1])
+    # That frames differ in size is told by the capture as a whole.
+    fitting = mask if mask is not None and mask.shape == frame.cfa.shape else None
+    means = reduce_frame(frame, bins, is_flat, shift, fitting)
+    uneven = {}
+    if cell_noise is not None and bins:
+        box = bins[0].box() if shift is None else shift.moved(bins[0].box())
+        uneven = uneven_cells(frame, box, (means.noise or {}) | dict(cell_noise), fitting)
+    return replace(means, sha256=found, uneven=uneven)
+
+
+def reduce_frame(
+    frame: RawFrame,
+    bins: tuple[Bins, ...],
+    is_flat: bool = False,
+    shift: Shift | None = None,
+    mask: Mask | None = None,
+) -> FrameMeans:
+    """Average ``frame`` over each of ``bins``, less the pixels of ``mask``.
+
+    ``bins`` are places in the first frame of the view; ``shift`` says where
+    this frame shows them.  A sample's mean over its flat's is the mean
+    reflectance of a bin weighted by the flat, so it belongs to angles weighted
+    alike: those of the flat.
+    """
     noise = None
     if frame.noise_profile is not None:
         # The profile speaks of (DN - black) / (white - black).
-        span = {name: frame.white - float(frame.black[frame.pattern == name].mean()) for name in names}
-        noise = {name: (s * span[name], o * span[name] ** 2) for name, (s, o) in frame.noise_profile.items()}
-    planes = tuple({name: _plane(frame, name, which, is_flat) for name in names} for which in bins)
-    return FrameMeans(bins, planes, noise, {name: _scatter(frame, name) for name in names})
-
-
-def _scatter(frame: RawFrame, name: str) -> tuple[float, float]:
-    """Mean, and half the mean squared difference of horizontal neighbours: blind to slow gradients."""
-    y, x = np.argwhere(frame.pattern == name)[0]
+        span = {
+            c: float((frame.white - frame.black)[frame.channels == c].mean()) for c in frame.noise_profile
+        }
+        noise = {c: (s * span[c], o * span[c] ** 2) for c, (s, o) in frame.noise_profile.items()}
+    planes = tuple(
+        {plane: _plane(frame, plane, which, is_flat, shift, mask) for plane in frame.planes()}
+        for which in bins
+    )
+    scatter = {plane: _scatter(frame, plane) for plane in frame.planes()}
+    above = frame.clip - frame.black
+    clip = {plane: min(float(above[site]) for site in frame.sites(plane)) for plane in frame.planes()}
     height, width = frame.cfa.shape
-    rows = slice(height // 4 // 2 * 2 + y, 3 * height // 4, 2)
-    columns = slice(width // 4 // 2 * 2 + x, 3 * width // 4, 2)
+    return FrameMeans(bins, planes, noise, scatter, clip, (height, width), unused_bits=frame.unused_bits)
+
+
+def _scatter(frame: RawFrame, plane: Plane) -> tuple[float, float]:
+    """Mean, and half the mean squared difference of horizontal neighbours: blind to slow gradients."""
+    y, x = frame.sites(plane)[0]
+    n = len(frame.channels)
+    height, width = frame.cfa.shape
+    rows = slice(height // 4 // n * n + y, 3 * height // 4, n)
+    columns = slice(width // 4 // n * n + x, 3 * width // 4, n)
     dn = frame.cfa[rows, columns].astype(np.float32)
     return float(dn.mean() - frame.black[y, x]), float(0.5 * np.mean(np.diff(dn, axis=1) ** 2))
 
 
-def _plane(frame: RawFrame, name: str, bins: Bins, is_flat: bool) -> PlaneMeans:
-    parts = [_site(frame, y, x, bins, is_flat) for y in (0, 1) for x in (0, 1) if frame.pattern[y, x] == name]
-    pixels = np.sum([p.pixels for p in parts], axis=0)
-
-    def pooled(field: str, weights: list[FloatArray]) -> FloatArray:
-        total = np.sum([np.nan_to_num(getattr(p, field)) * w for p, w in zip(parts, weights, strict=True)], 0)
-        weight = np.sum(weights, axis=0)
-        return np.asarray(np.where(weight > 0, total / np.where(weight > 0, weight, 1), np.nan))
-
-    counts = [p.pixels.astype(np.float64) for p in parts]
-    levels = [np.nan_to_num(p.mean) * p.pixels for p in parts] if is_flat else counts
-    angles = ("theta", "theta_squared", "cos_2phi", "sin_2phi")
-    known = isinstance(bins, SphereBins)
-    return PlaneMeans(
-        pixels=pixels,
-        saturated=np.sum([p.saturated for p in parts], axis=0),
-        mean=pooled("mean", counts),
-        **{a: pooled(a, levels) if known else np.full(len(pixels), np.nan) for a in angles},
-    )
-
-
-def _site(frame: RawFrame, y: int, x: int, bins: Bins, is_flat: bool) -> PlaneMeans:
-    """One of the four positions of the filter pattern: every second pixel of every second row."""
-    black = float(frame.black[y, x])
-    clip = frame.clip[y, x]
+def _plane(
+    frame: RawFrame, plane: Plane, bins: Bins, is_flat: bool, shift: Shift | None, mask: Mask | None
+) -> PlaneMeans:
+    sums = _Sums.zero(bins.count)
+    for site in frame.sites(plane):
+        if isinstance(bins, Region):
+            _add_region(sums, frame, site, bins, shift, mask)
+        else:
+            _add_angles(sums, frame, site, plane, bins, is_flat, shift, mask)
+    pixels = sums.pixels.astype(np.int64)
+    saturated = sums.saturated.astype(np.int64)
+    mean = _divided(sums.level, sums.pixels)
     if isinstance(bins, Region):
-        rows = slice(bins.y0 + (y - bins.y0) % 2, bins.y1, 2)
-        columns = slice(bins.x0 + (x - bins.x0) % 2, bins.x1, 2)
-        dn = frame.cfa[rows, columns]
         unknown = np.full(1, np.nan)
-        return PlaneMeans(
-            pixels=np.array([dn.size]),
-            saturated=np.array([np.count_nonzero(dn >= clip)]),
-            mean=np.array([dn.mean(dtype=np.float64) - black if dn.size else np.nan]),
-            theta=unknown,
-            theta_squared=unknown,
-            cos_2phi=unknown,
-            sin_2phi=unknown,
-        )
-    # Only the ball's bounding box.
-    top, left = (max(0, math.floor(c - bins.radius)) for c in (bins.center_y, bins.center_x))
-    rows = slice(top + (y - top) % 2, math.ceil(bins.center_y + bins.radius) + 1, 2)
-    columns = slice(left + (x - left) % 2, math.ceil(bins.center_x + bins.radius) + 1, 2)
-    dn = frame.cfa[rows, columns]
-    down, right = 2 * np.indices(dn.shape)
-    across = (columns.start + right - bins.center_x).ravel()
-    up = (bins.center_y - rows.start - down).ravel()
-    dn = dn.ravel()
-    distance = np.hypot(across, up)
-    inside = distance < bins.radius * math.sin(bins.edges[-1])
-    inside &= distance >= bins.radius * math.sin(bins.edges[0])
-    dn, across, up, distance = dn[inside], across[inside], up[inside], distance[inside]
-    theta = np.arcsin(distance / bins.radius)
-    # s stands a right angle ahead of the outward radius.
-    phi = bins.analyzer - (np.arctan2(up, across) + math.pi / 2)
-    sector = np.floor(phi % math.pi / math.pi * bins.sectors).astype(np.int64) % bins.sectors
-    ring = np.clip(np.searchsorted(bins.edges, theta, side="right") - 1, 0, len(bins.edges) - 2)
-    bin_of = ring * bins.sectors + sector
-    count = (len(bins.edges) - 1) * bins.sectors
-    pixels = np.bincount(bin_of, minlength=count)
-    signal = dn - black
-    level = np.bincount(bin_of, weights=signal, minlength=count)
+        return PlaneMeans(pixels, saturated, mean, unknown, unknown, unknown, unknown)
+    weight = sums.level if is_flat else sums.pixels
+    return PlaneMeans(pixels, saturated, mean, *(_divided(angle, weight) for angle in sums.angles))
 
-    def mean(values: FloatArray) -> FloatArray:
-        weights, weight = (signal * values, level) if is_flat else (values, pixels)
-        total = np.bincount(bin_of, weights=weights, minlength=count)
-        return np.asarray(np.where(weight > 0, total / np.where(weight > 0, weight, 1), np.nan))
 
-    return PlaneMeans(
-        pixels=pixels,
-        saturated=np.bincount(bin_of, weights=dn >= clip, minlength=count).astype(np.int64),
-        mean=np.where(pixels > 0, level / np.maximum(pixels, 1), np.nan),
-        theta=mean(theta),
-        theta_squared=mean(theta**2),
-        cos_2phi=mean(np.cos(2 * phi)),
-        sin_2phi=mean(np.sin(2 * phi)),
-    )
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sums:
+    """Sums over the pixels of each bin, added to in place; ``angles`` are weighted, shape (4, bins)."""
+
+    pixels: FloatArray
+    saturated: FloatArray
+    level: FloatArray
+    angles: FloatArray
+
+    @classmethod
+    def zero(cls, count: int) -> _Sums:
+        return cls(np.zeros(count), np.zeros(count), np.zeros(count), np.zeros((4, count)))
+
+
+def _divided(total: FloatArray, weight: FloatArray) -> FloatArray:
+    return np.asarray(np.where(weight > 0, total / np.where(weight > 0, weight, 1.0), np.nan))
+
+
+def _pieces(
+    frame: RawFrame, site: tuple[int, int], bins: Bins, shift: Shift | None, mask: Mask | None
+) -> Iterator[tuple[slice, slice, NDArray[np.bool_] | None]]:
+    """Rows and columns of one position of the cell where bins may lie, in pieces, and which pixels are masked."""
+    n = len(frame.channels)
+    rows, columns = bins.box() if shift is None else shift.moved(bins.box())
+    top, left = rows.start + (site[0] - rows.start) % n, columns.start + (site[1] - columns.start) % n
+    bottom, right = min(rows.stop, frame.cfa.shape[0]), min(columns.stop, frame.cfa.shape[1])
+    step = max(1, _CHUNK // max(1, (right - left) // n)) * n
+    across = slice(left, right, n)
+    for start in range(top, bottom, step):
+        down = slice(start, min(start + step, bottom), n)
+        masked = None if mask is None else mask.rows(down)[:, across]
+        yield down, across, masked
+
+
+def _positions(
+    rows: slice, columns: slice, shape: tuple[int, ...], shift: Shift | None
+) -> tuple[FloatArray, FloatArray]:
+    """Where the pixels of a piece are in the first frame of the view, x and y, shape (pixels,)."""
+    x = np.broadcast_to(np.arange(columns.start, columns.stop, columns.step, dtype=np.float64), shape).ravel()
+    down = np.arange(rows.start, rows.stop, rows.step, dtype=np.float64)
+    y = np.broadcast_to(down[:, None], shape).ravel()
+    return (x, y) if shift is None else shift.back(x, y)
+
+
+def _add_region(
+    sums: _Sums, frame: RawFrame, site: tuple[int, int], bins: Region, shift: Shift | None, mask: Mask | None
+) -> None:
+    black, clip = float(frame.black[site]), frame.clip[site]
+    for rows, columns, masked in _pieces(frame, site, bins, shift, mask):
+        dn = frame.cfa[rows, columns]
+        kept: Any = ... if masked is None else ~masked
+        if shift is not None:
+            inside = bins.holds(*_positions(rows, columns, dn.shape, shift)).reshape(dn.shape)
+            kept = inside if masked is None else inside & kept
+        sums.pixels[0] += dn[kept].size
+        sums.saturated[0] += np.count_nonzero(dn[kept] >= clip)
+        if frame.maps is None:
+            sums.level[0] += float(dn[kept].sum(dtype=np.int64)) - black * dn[kept].size
+        else:
+            above = frame.maps.above_black(dn, (rows, columns), black)
+            sums.level[0] += float(above[kept].sum(dtype=np.float64))
+
+
+def _add_angles(
+    sums: _Sums,
+    frame: RawFrame,
+    site: tuple[int, int],
+    plane: Plane,
+    bins: AngleBins,
+    is_flat: bool,
+    shift: Shift | None,
+    mask: Mask | None,
+) -> None:
+    black, clip = float(frame.black[site]), frame.clip[site]
+    axis = bins.analyzer if plane.axis_deg is None else math.radians(plane.axis_deg)
+    if axis is None:
+        raise ValueError("bins without an analyzer are for sensors with polarizers on the pixels")
+    for rows, columns, masked in _pieces(frame, site, bins, shift, mask):
+        dn = frame.cfa[rows, columns]
+        signal = dn - black if frame.maps is None else frame.maps.above_black(dn, (rows, columns), black)
+        inside, theta, s_direction = bins.angles(*_positions(rows, columns, dn.shape, shift))
+        dn, signal = dn.ravel()[inside], signal.ravel()[inside]
+        if masked is not None:
+            kept = ~masked.ravel()[inside]
+            dn, signal, theta, s_direction = dn[kept], signal[kept], theta[kept], s_direction[kept]
+        phi = axis - s_direction
+        sector = np.floor(phi % math.pi / math.pi * bins.sectors).astype(np.int64) % bins.sectors
+        ring = np.clip(np.searchsorted(bins.edges, theta, side="right") - 1, 0, len(bins.edges) - 2)
+        number = ring * bins.sectors + sector
+
+        def total(values: NDArray[np.floating[Any]] | None, number: NDArray[np.int64] = number) -> FloatArray:
+            return np.bincount(number, weights=values, minlength=bins.count).astype(np.float64)
+
+        weight = signal if is_flat else np.ones(1)
+        sums.pixels[:] += total(None)
+        sums.saturated[:] += total((dn >= clip).astype(np.float64))
+        sums.level[:] += total(signal)
+        for row, values in enumerate((theta, theta**2, np.cos(2 * phi), np.sin(2 * phi))):
+            sums.angles[row] += total(weight * values)

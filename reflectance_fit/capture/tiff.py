@@ -1,9 +1,9 @@
 """Tags of raw files by a bounded reader of our own, from the directories to the facts we use.
 
 LibRaw decodes the pixels but truncates fractional black levels, rounds
-exposure times and passes over noise profiles, and opens files whose pixels
-it then makes up; this reader supplies the first and refuses the second.  No
-pixel is read.  Source: TIFF 6.0, DNG specification 1.4 to 1.7.
+exposure times and passes over noise profiles; this reader supplies them, and
+``structure`` refuses by them what LibRaw would misread.  No pixel is read.
+Source: TIFF 6.0, DNG specification 1.4 to 1.7.
 """
 
 from __future__ import annotations
@@ -11,27 +11,38 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import islice
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.capture.directories import MAX_PIECES, Directory, Malformed, read_directories
+from reflectance_fit.capture.jpeg_header import JpegHeader, read_jpeg_header
 from reflectance_fit.errors import Problem, ReflectanceFitError
 
 CFA, LINEAR_RAW = 32803, 34892
-_UNCOMPRESSED, _JPEG = 1, 7
+JPEG = 7  # Compression
+_MAX_JPEGS = 512  # headers read: of all tiles of a photograph, not of a file made to keep us busy
+_SMALL_RAW = 4  # Canon's SRawType
 
-# The first bytes of raw formats that are no TIFF: CR3, RAF, RW2, ORF (three), CRW, X3F.
-_OTHER_RAW = (
-    (4, b"ftypcrx "),
-    (0, b"FUJIFILMCCD-RAW"),
-    (0, b"IIU\0"),
-    (0, b"IIRO"),
-    (0, b"IIRS"),
-    (0, b"MMOR"),
-    (6, b"HEAPCCDR"),
-    (0, b"FOVb"),
+Area = tuple[int, int, int, int]
+
+# The first bytes of formats that are no TIFF of the classic kind.
+_CONTAINERS = (
+    (0, b"\xff\xd8", "jpeg"),
+    (0, b"\x89PNG", "png"),
+    (0, b"II+\0", "bigtiff"),
+    (0, b"MM\0+", "bigtiff"),
+    (0, b"FOVb", "foveon"),
+    (4, b"ftypcrx ", "raw"),  # CR3
+    (0, b"FUJIFILMCCD-RAW", "raw"),
+    (0, b"IIU\0", "raw"),  # RW2
+    (0, b"IIRO", "raw"),  # ORF, and the next two
+    (0, b"IIRS", "raw"),
+    (0, b"MMOR", "raw"),
+    (6, b"HEAPCCDR", "raw"),  # CRW
 )
 
 
@@ -44,7 +55,10 @@ class RawImage:
     where the file states none, or adds row and column deltas to it.
     ``cfa_repeat`` is (rows, columns).  ``noise_profile`` has one (S, O) for
     all planes or one a plane, normalised to black 0 and white 1.  ``extents``
-    are (offset, bytes) of strips or tiles.
+    are (offset, bytes) of strips or tiles, ``jpegs`` the headers of the first
+    512 of them where a DNG is compressed so, None for what is no JPEG.
+    ``masked`` are areas that no light reaches, (top, left, bottom, right) in
+    sensor pixels.  ``small_raw``: Canon's sRAW or mRAW.
     """
 
     width: int
@@ -57,12 +71,17 @@ class RawImage:
     tile: tuple[int, int] | None  # (rows, columns)
     rows_per_strip: int
     extents: tuple[tuple[int, int], ...]
+    jpegs: tuple[JpegHeader | None, ...]
     cfa_repeat: tuple[int, ...]
     cfa_pattern: tuple[int, ...]
+    cfa_layout: int
+    states_black: bool
     black: tuple[Fraction, ...] | None
     black_repeat: tuple[int, ...]
     white: int | None
     active_origin: tuple[int, int]
+    masked: tuple[Area, ...]
+    small_raw: bool
     noise_profile: tuple[tuple[float, float], ...] | None
 
     def black_cell(self, origin: tuple[int, int]) -> NDArray[np.float64] | None:
@@ -83,8 +102,8 @@ class RawImage:
 class RawTags:
     """What a file says of itself.
 
-    ``container`` is ``tiff``, ``jpeg``, ``empty``, ``raw`` (a raw format of
-    another build) or ``unknown``.  ``image`` is the raw image of a TIFF-like
+    ``container`` is ``tiff``, ``raw`` (a raw format of another build),
+    ``foveon``, ``jpeg``, ``png``, ``bigtiff``, ``empty`` or ``unknown``.  ``image`` is the raw image of a TIFF-like
     file, None without one.  ``exposure_s`` is exact; a zero counts as missing.
     """
 
@@ -113,7 +132,7 @@ def read_tags(path: Path) -> RawTags:
             if head[:4] not in (b"II*\0", b"MM\0*"):
                 return RawTags(_container(head), size)
             chain, nested = read_directories(file, size)
-            return _tags(chain, nested, size, cr2=head[8:10] == b"CR")
+            return _tags(file, chain, nested, size, cr2=head[8:10] == b"CR")
     except OSError as error:
         raise ReflectanceFitError(Problem(str(path), None, f"cannot be read: {error.strerror}")) from error
     except Malformed as error:
@@ -121,78 +140,15 @@ def read_tags(path: Path) -> RawTags:
         raise ReflectanceFitError(Problem(str(path), None, message)) from error
 
 
-def check_structure(tags: RawTags, name: str) -> None:
-    """Raise ReflectanceFitError, naming the file ``name``, for what LibRaw would misread or could not read."""
-    reason = _refusal(tags)
-    if reason:
-        raise ReflectanceFitError(Problem(name, None, reason))
-
-
-def _refusal(tags: RawTags) -> str | None:
-    match tags.container:
-        case "empty":
-            return "the file is empty; copy it from the camera again"
-        case "jpeg":
-            return "is a JPEG, whose values are not linear; use the camera's raw file"
-        case "unknown":
-            return "has no header of a raw format; use the camera's raw file or a DNG"
-    if tags.container == "tiff" and tags.image is None:
-        return "is a plain TIFF without a raw image; use the camera's raw file or a DNG"
-    if tags.image is None:
-        return None
-    image = tags.image
-    return _layout_refusal(image) or (_dng_refusal(image) if tags.dng else None) or _cut_refusal(tags, image)
-
-
-def _layout_refusal(image: RawImage) -> str | None:
-    if image.sample_format != 1:
-        return "holds floating-point or signed samples; use the integer raw file it was made from"
-    if image.photometric == CFA and image.cfa_repeat and image.cfa_repeat != (2, 2):
-        size = " x ".join(map(str, image.cfa_repeat))
-        return f"its colour filters repeat over {size} pixels; only 2 x 2 (Bayer) sensors and monochrome are read"
-    return None
-
-
-def _dng_refusal(image: RawImage) -> str | None:
-    if image.samples != 1:
-        return f"holds {image.samples} samples a pixel, so it was demosaiced; use the camera's raw file"
-    if image.compression not in (_UNCOMPRESSED, _JPEG):
-        return f"its compression {image.compression} is lossy or not known; write an uncompressed or lossless DNG"
-    if not (len(image.bits) == 1 and 8 <= image.bits[0] <= 16):
-        return f"has {image.bits} bits a sample; 8 to 16 are read"
-    if image.black is not None and not set(image.black_repeat) <= {1, 2}:
-        size = " x ".join(map(str, image.black_repeat))
-        return f"its black level repeats over {size} pixels; 1 and 2 are read"
-    if image.tile and (image.tile[0] > image.height or image.tile[1] > image.width):
-        return "its tile is larger than the image, which decodes wrongly; write it in strips"
-    rows, columns = image.tile or (image.rows_per_strip, image.width)
-    needed = -(-image.height // rows) * -(-image.width // columns)
-    if len(image.extents) != needed:
-        return f"has {len(image.extents)} of {needed} pieces of the picture; copy it from the camera again"
-    if image.compression == _UNCOMPRESSED:
-        last_rows = image.height - (needed - 1) * rows if image.tile is None else rows
-        row_bytes = -(-columns * image.bits[0] // 8)
-        wanted = [rows * row_bytes] * (needed - 1) + [last_rows * row_bytes]
-        if any(size < want for (_, size), want in zip(image.extents, wanted, strict=True)):
-            return "its pieces are too short for the picture; copy it from the camera again"
-    return None
-
-
-def _cut_refusal(tags: RawTags, image: RawImage) -> str | None:
-    if any(offset + size > tags.size for offset, size in image.extents):
-        return f"is cut off at {tags.size} bytes; copy it from the camera again"
-    return None
-
-
 def _container(head: bytes) -> str:
     if not head:
         return "empty"
-    if head.startswith(b"\xff\xd8"):
-        return "jpeg"
-    return "raw" if any(head.startswith(magic, at) for at, magic in _OTHER_RAW) else "unknown"
+    return next((name for at, magic, name in _CONTAINERS if head.startswith(magic, at)), "unknown")
 
 
-def _tags(chain: list[Directory], nested: list[Directory], size: int, *, cr2: bool) -> RawTags:
+def _tags(
+    file: BinaryIO, chain: list[Directory], nested: list[Directory], size: int, *, cr2: bool
+) -> RawTags:
     first = chain[0]
     # DNG 1.4, 50706: IFD0 alone carries the version.
     dng = 50706 in first
@@ -204,14 +160,14 @@ def _tags(chain: list[Directory], nested: list[Directory], size: int, *, cr2: bo
     found = found or [d for d in chain if cr2 and 50752 in d]
     # A CR2 states no size there; it has one such directory.
     largest = max(found, key=lambda d: (d.integer(256) or 0) * (d.integer(257) or 0), default=None)
-    image = None if largest is None else _image(largest, first, stated=dng)
+    image = None if largest is None else _image(file, largest, first, stated=dng)
     exif = first.child(34665) or first
     exposures = [e for e in (*exif.fractions(33434), *first.fractions(33434)) if e]
     iso = exif.integer(34855) or first.integer(34855)
     return RawTags("tiff", size, dng, image, next(iter(exposures), None), iso or None, first.integer(274))
 
 
-def _image(d: Directory, first: Directory, *, stated: bool) -> RawImage:
+def _image(file: BinaryIO, d: Directory, first: Directory, *, stated: bool) -> RawImage:
     tiled = 324 in d
     offsets, sizes = (d.integers(tag, MAX_PIECES) for tag in ((324, 325) if tiled else (273, 279)))
     if len(offsets) != len(sizes):
@@ -227,11 +183,13 @@ def _image(d: Directory, first: Directory, *, stated: bool) -> RawImage:
         raise Malformed("BlackLevel does not fill BlackLevelRepeatDim")
     deltas = any(d.fractions(50715)) or any(d.fractions(50716))
     whites = d.integers(50717)
-    active = d.integers(50829)
+    active, masked = d.integers(50829), d.integers(50830)
+    compression = d.integer(259) or 1
+    headed = zip(offsets, sizes, strict=True) if stated and compression == JPEG else ()
     return RawImage(
         width,
         height,
-        compression=d.integer(259) or 1,
+        compression=compression,
         photometric=d.integer(262),
         bits=tuple(d.integers(258)) or (1,),
         sample_format=next((f for f in d.integers(339) if f != 1), 1),
@@ -239,12 +197,17 @@ def _image(d: Directory, first: Directory, *, stated: bool) -> RawImage:
         tile=tile,
         rows_per_strip=min(rows or height, height),
         extents=tuple(zip(offsets, sizes, strict=True)),
+        jpegs=tuple(read_jpeg_header(file, *piece) for piece in islice(headed, _MAX_JPEGS)),
         cfa_repeat=tuple(d.integers(33421)),
         cfa_pattern=tuple(d.integers(33422)),
+        cfa_layout=d.integer(50711) or 1,
+        states_black=deltas or bool(black),
         black=None if deltas or not black else tuple(black),
         black_repeat=tuple(repeat),
         white=whites[0] if whites else None,
         active_origin=(active[0], active[1]) if len(active) == 4 else (0, 0),
+        masked=tuple(zip(*(masked[i::4] for i in range(4)), strict=False)),
+        small_raw=d.integer(50885) == _SMALL_RAW,
         noise_profile=_noise_profile(d.floats(51041) or first.floats(51041)),
     )
 

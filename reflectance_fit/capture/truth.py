@@ -34,6 +34,15 @@ class TrueChannel(Block):
     )
 
 
+class TrueView(Block):
+    theta_deg: Annotated[Number, Field(ge=0, le=90)] = Field(
+        description="Angle of incidence at the centre of the region, degrees"
+    )
+    s_axis_deg: Number = Field(
+        description="Direction of s there, counter-clockwise from the picture's horizontal"
+    )
+
+
 class Truth(Block):
     """What went into a synthetic measurement."""
 
@@ -48,6 +57,10 @@ class Truth(Block):
         default={},
         description="Faults that the manifest does not tell, by name and unit of the nuisances",
         json_schema_extra=known_keys(tuple(NUISANCES)),
+    )
+    views: tuple[TrueView, ...] | None = Field(
+        default=None,
+        description="Where no frame states its angle: one a tilt of the sample, in the order of the frames",
     )
     frames: Count | None = Field(default=None, description="Number of photographs; absent for tables")
     seed: Count = Field(description="Seed of the noise")

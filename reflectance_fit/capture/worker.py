@@ -18,7 +18,6 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from reflectance_fit.capture.raw import decode
 from reflectance_fit.errors import ReflectanceFitError, printable
 
 # Address space, which libraries reserve more of than they use.  The second is a byte of the file: a pixel takes
@@ -29,7 +28,7 @@ _LARGEST_FILE = 256_000_000
 
 
 def serve(descriptor: int) -> None:
-    """Answer jobs (path, reduce, args, timeout_s), pickled, until the other side closes.
+    """Answer jobs (path, function, args, timeout_s), pickled, until the other side closes.
 
     The answers are ("value", result), ("error", reason in one line) for what
     is wrong with the file, or ("bug", traceback); the first, None, says that
@@ -53,8 +52,8 @@ def serve(descriptor: int) -> None:
 
 def _answer(job: bytes) -> bytes:
     try:
-        path, reduce, args, timeout_s = pickle.loads(job)
-        return pickle.dumps(("value", _run(path, reduce, args, timeout_s)))
+        path, function, args, timeout_s = pickle.loads(job)
+        return pickle.dumps(("value", _run(path, function, args, timeout_s)))
     except ReflectanceFitError as error:
         return pickle.dumps(("error", printable("; ".join(p.message for p in error.problems))))
     except MemoryError:
@@ -63,14 +62,14 @@ def _answer(job: bytes) -> bytes:
         return pickle.dumps(("bug", traceback.format_exc()))
 
 
-def _run(path: Path, reduce: Callable[..., Any], args: tuple[Any, ...], timeout_s: float) -> Any:
+def _run(path: Path, function: Callable[..., Any], args: tuple[Any, ...], timeout_s: float) -> Any:
     size = min(path.stat().st_size, _LARGEST_FILE) if path.is_file() else 0
     # The parent measures the time; this one is for when it is no more.
     used = resource.getrusage(resource.RUSAGE_SELF)
     _limit(resource.RLIMIT_CPU, math.ceil(used.ru_utime + used.ru_stime + timeout_s) + 1)
     if sys.platform == "linux":  # elsewhere the limit is below what a process starts with, or is not heeded
         _limit(resource.RLIMIT_AS, _BASE_BYTES + _BYTES_PER_FILE_BYTE * size)
-    return reduce(decode(path), *args)
+    return function(path, *args)
 
 
 def _limit(which: int, soft: int) -> None:

@@ -3,7 +3,7 @@
 Each worker has one job at a time, so a death, a hang or an error is known to
 be that job's and disturbs no other.  A worker is a plain subprocess and not
 one of multiprocessing's, which would import the program's main module: it
-imports numpy, rawpy and the module of the job's function.  For POSIX systems.
+imports the module of the job's function and what that needs.  For POSIX systems.
 """
 
 from __future__ import annotations
@@ -19,16 +19,15 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, Pipe, wait
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Concatenate, Self, TypeVar
+from typing import Any, Concatenate, Self, TypeVar
 
 from reflectance_fit.errors import ReflectanceFitError
 
-if TYPE_CHECKING:
-    from reflectance_fit.capture.raw import RawFrame
-
 T = TypeVar("T")
-Job = tuple[Path, "Callable[Concatenate[RawFrame, ...], T]", tuple[Any, ...]]
+Job = tuple[Path, "Callable[Concatenate[Path, ...], T]", tuple[Any, ...]]
 
+# Each may hold a picture and LibRaw's copy of it.
+_MOST = 8
 _START_S = 60.0  # a machine may be busy; usually it takes a third of a second
 # One thread a worker: more would fight for the cores, and reserve address space that counts against the limit.
 _ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
@@ -48,13 +47,13 @@ class RawWorkers:
     Parameters
     ----------
     workers : int, optional
-        How many at most; by default 2, or 1 on a single core.
+        How many at most; by default one a core, up to 8.
     timeout_s : float
         Wall time for one frame, decoding and reducing, in seconds.
     """
 
     def __init__(self, workers: int | None = None, *, timeout_s: float = 60.0) -> None:
-        self._limit = workers or min(2, os.cpu_count() or 1)
+        self._limit = workers or min(_MOST, os.cpu_count() or 1)
         self._timeout_s = timeout_s
         self._idle: list[_Worker] = []
 
@@ -68,16 +67,16 @@ class RawWorkers:
             self._idle.pop().end()
 
     def map(self, jobs: Iterable[Job[T]]) -> Iterator[T | FrameError]:
-        """Yield ``reduce(decode(path), *args)`` of every job (path, reduce, args), in the order of the jobs.
+        """Yield ``function(path, *args)`` of every job (path, function, args), in the order of the jobs.
 
-        ``reduce`` is a function at the top of an importable module; it, its
+        ``function`` is one at the top of an importable module; it, its
         arguments and its result are pickled.  A file that cannot be decoded,
-        a ReflectanceFitError or MemoryError of ``reduce``, a dead process and
+        a ReflectanceFitError or MemoryError, a dead process and
         a timeout give a FrameError in place of the result.  Jobs are taken
         as workers become free; one ``map`` at a time.
 
         Raises RuntimeError, with the worker's traceback, for any other
-        exception of ``reduce``, and ReflectanceFitError when no worker starts.
+        exception of ``function``, and ReflectanceFitError when no worker starts.
         """
         waiting = enumerate(jobs)
         busy: dict[Connection, _Worker] = {}

@@ -224,6 +224,9 @@ class Warning(_Part):
         "NO_HASHES",
         "TOLERANCE_FLOOR",
         "ROWS_IGNORED",
+        "MASKED",
+        "IMBALANCE",
+        "NOT_LINEAR",
     ]
     channel: str | None
     message: str

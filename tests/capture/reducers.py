@@ -4,33 +4,51 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from reflectance_fit.capture.raw import RawFrame
+from reflectance_fit.capture.raw import RawFrame, decode
 from reflectance_fit.errors import ReflectanceFitError
 
 
+def decoded(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function of a path that decodes it first."""
+
+    @wraps(function)
+    def run(path: Path, *args: Any) -> Any:
+        return function(decode(path), *args)
+
+    return run
+
+
+@decoded
 def total(frame: RawFrame, scale: int = 1) -> int:
     return int(frame.cfa.sum(dtype=np.int64)) * scale
 
 
+@decoded
 def die_of(frame: RawFrame, number: int) -> int:
     os.kill(os.getpid(), number)
     time.sleep(10)
     return 0
 
 
+@decoded
 def leave(frame: RawFrame) -> int:
     os._exit(3)
 
 
+@decoded
 def sleep(frame: RawFrame, seconds: float) -> float:
     time.sleep(seconds)
     return seconds
 
 
+@decoded
 def spin(frame: RawFrame) -> int:
     # Brings the worker's own limit of processor time near.
     import resource
@@ -40,18 +58,22 @@ def spin(frame: RawFrame) -> int:
         pass
 
 
+@decoded
 def allocate(frame: RawFrame) -> int:
     return int(np.ones(400_000_000).sum())
 
 
+@decoded
 def refuse(frame: RawFrame) -> int:
     raise ReflectanceFitError("the region\nlies outside")
 
 
+@decoded
 def fail(frame: RawFrame) -> int:
     raise KeyError("a bug")
 
 
+@decoded
 def write_streams(frame: RawFrame) -> int:
     print("to standard output", flush=True)
     print("to standard error", file=sys.stderr)
@@ -59,6 +81,7 @@ def write_streams(frame: RawFrame) -> int:
     return 1
 
 
+@decoded
 def surroundings(frame: RawFrame) -> dict[str, Any]:
     import resource
 
@@ -72,5 +95,6 @@ def surroundings(frame: RawFrame) -> dict[str, Any]:
     }
 
 
+@decoded
 def large(frame: RawFrame) -> np.ndarray:
     return np.arange(5_000_000)

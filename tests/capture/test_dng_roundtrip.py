@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reflectance_fit.capture.raw import decode
-from reflectance_fit.capture.tiff import check_structure, read_tags
+from reflectance_fit.capture.structure import check_structure
+from reflectance_fit.capture.tiff import read_tags
 from reflectance_fit.data_synthetic.dng import DngMetadata, write_dng
 
 CELLS = {
@@ -46,9 +47,9 @@ def test_everything_comes_back(tmp_path, pattern, bits, shape):
     frame = decode(path)
     assert frame.cfa.dtype == np.uint16
     np.testing.assert_array_equal(frame.cfa, cfa)
-    assert frame.pattern.tolist() == CELLS[pattern]
+    assert frame.channels.tolist() == CELLS[pattern]
     assert frame.black.tolist() == [[60, 61], [62, 63]]
-    assert (frame.white, frame.exposure_s, frame.iso) == (white, Fraction(1, 3), 640)
+    assert (frame.white.tolist(), frame.exposure_s, frame.iso) == ([[white] * 2] * 2, Fraction(1, 3), 640)
     assert frame.noise_profile == dict(zip("RGB" if len(pairs) == 3 else ["mono"], pairs, strict=True))
     # tifffile reads the same by code of its own.
     with tifffile.TiffFile(path) as file:
@@ -74,8 +75,8 @@ def test_libraw_sees_the_same_levels_and_pattern(tmp_path, pattern):
     with rawpy.imread(str(path)) as raw:
         cell = raw.raw_colors_visible[:2, :2]
         assert np.array(raw.black_level_per_channel)[cell].tolist() == frame.black.tolist()
-        assert [["RGBG"[i] for i in row] for row in cell] == frame.pattern.tolist()
-        assert raw.white_level == frame.white
+        assert [["RGBG"[i] for i in row] for row in cell] == frame.channels.tolist()
+        assert frame.white.tolist() == [[raw.white_level] * 2] * 2
         assert raw.sizes.flip == 0
 
 

@@ -3,6 +3,7 @@
 import hashlib
 import math
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
@@ -52,7 +53,7 @@ def frames(folder: Path, *entries: str, head: str = HEAD + STATED) -> tuple[Fram
 def test_defaults(tmp_path):
     text = HEAD + STATED + "frames:\n  - {file: a.dng, theta_deg: 45, analyzer_deg: 30}\n"
     c = capture(tmp_path, text)
-    assert (c.path, c.sample_name, c.exterior_ior, c.sensor) == (
+    assert (c.path, c.sample_name, c.exterior_ior, c.reading.sensor) == (
         tmp_path / "capture.yaml",
         "BK7 flat",
         1.000277,
@@ -140,7 +141,11 @@ frames:
     assert (first.light, first.region, first.s_axis_deg) == ((2, 0, 0, 1), (1, 2, 30, 40), 10)
     assert second.light == pytest.approx((1, 0, 1, 0))
     assert (second.region, second.s_axis_deg, second.sha256) == ((0, 0, 10, 10), -80, "ab" * 32)
-    assert (second.theta_deg_sigma, second.retarder_deg, second.exposure) == (0.1, 5, Exposure(0.01, 100))
+    assert (second.theta_deg_sigma, second.retarder_deg, second.exposure) == (
+        0.1,
+        5,
+        Exposure(Fraction(1, 100), 100),
+    )
     assert (second.set, second.gain_group, second.channels) == ("7", "lamp", ("G",))
     assert second.line == 18
     assert c.document.line(("frames", 1, "iso")) == 25

@@ -103,7 +103,11 @@ def test_a_whole_capture(capture):
     assert ingested.measurement.warnings == ()
     assert [sample.frame.file for sample in ingested.samples] == [f"raw/{i:03d}.dng" for i in range(SAMPLES)]
     frames = len(list((capture.parent / "raw").iterdir()))
-    assert told == [("reading frames", i, frames) for i in range(1, frames + 1)]
+    darks = len(ingested.capture.role("dark"))
+    assert told == [
+        *(("looking for hot pixels", i, darks) for i in range(1, darks + 1)),
+        *(("reading frames", i, frames) for i in range(1, frames + 1)),
+    ]
     assert [file for file, _ in ingested.measurement.inputs[1:]] == [
         f"raw/{i:03d}.dng" for i in range(frames)
     ]
@@ -278,19 +282,20 @@ def test_a_dark_of_another_size(capture):
 
 DYING = """
 import os
-from reflectance_fit.capture.reduce import reduce_frame
-def on_seven(frame, bins, is_flat):
-    if frame.cfa[0, 0] == 7:
+from reflectance_fit.capture.raw import decode
+from reflectance_fit.capture.reduce import reduce_file
+def on_seven(path, *args):
+    if decode(path).cfa[0, 0] == 7:
         os._exit(3)
-    return reduce_frame(frame, bins, is_flat)
-def at_once(frame, bins, is_flat):
+    return reduce_file(path, *args)
+def at_once(path, *args):
     os._exit(3)
 """
 
 
 @pytest.fixture
 def dying(tmp_path, monkeypatch):
-    """In place of ``reduce_frame``: functions that end their process, in a module that workers can import."""
+    """In place of ``reduce_file``: functions that end their process, in a module that workers can import."""
     (tmp_path / "modules").mkdir()
     (tmp_path / "modules" / "dying_reducers.py").write_text(DYING)
     monkeypatch.syspath_prepend(tmp_path / "modules")
@@ -303,7 +308,7 @@ def mark(path):
     frame = decode(path)
     frame.cfa[0, 0] = 7
     black = tuple(int(b) for b in frame.black.flat)
-    metadata = DngMetadata("RGGB", 14, black, int(frame.white), frame.exposure_s, 100, ((3e-5, 1e-8),))
+    metadata = DngMetadata("RGGB", 14, black, int(frame.white[0, 0]), frame.exposure_s, 100, ((3e-5, 1e-8),))
     write_dng(path, frame.cfa, metadata)
 
 
@@ -313,7 +318,7 @@ def test_a_frame_that_kills_its_decoder_costs_that_frame(capture, monkeypatch, d
     data = yaml.safe_load(capture.read_text())
     name = next(f["file"] for f in data["frames"] if f["role"] == role)
     mark(capture.parent / name)
-    monkeypatch.setattr(module, "reduce_frame", dying.on_seven)
+    monkeypatch.setattr(module, "reduce_file", dying.on_seven)
     ingested = read(capture)
     assert ingested.rejected == {name: "ended the process that decoded it (exit code 3)"}
     (note,) = (n for n in ingested.measurement.warnings if n.code == "ROWS_IGNORED")
@@ -332,7 +337,7 @@ def test_a_frame_whose_flat_is_lost_is_not_mixed_with_those_that_have_theirs(cap
     mark(capture.parent / "raw/own.dng")
     flat.pop("sha256")
     change(capture, frames=[*frames, flat | {"file": "raw/own.dng", "analyzer_deg": 45}])
-    monkeypatch.setattr(module, "reduce_frame", dying.on_seven)
+    monkeypatch.setattr(module, "reduce_file", dying.on_seven)
     ingested = read(capture)
     lost = {f["file"] for f in frames if f["role"] == "sample" and f["analyzer_deg"] == 45}
     assert set(ingested.rejected) == {"raw/own.dng", *lost}
@@ -343,7 +348,7 @@ def test_a_frame_whose_flat_is_lost_is_not_mixed_with_those_that_have_theirs(cap
 
 
 def test_all_frames_kill_their_decoders(capture, monkeypatch, dying):
-    monkeypatch.setattr(module, "reduce_frame", dying.at_once)
+    monkeypatch.setattr(module, "reduce_file", dying.at_once)
     found = problems(capture)
     assert len(found) >= SAMPLES
     assert found[0] == "Error: capture.yaml: raw/000.dng ended the process that decoded it (exit code 3)"

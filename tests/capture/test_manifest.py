@@ -1,12 +1,14 @@
 """capture.yaml by itself: every wrong key has its line and says what to do."""
 
 import re
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
 
 from reflectance_fit.capture.manifest import Manifest
 from reflectance_fit.capture.read import read_capture
+from reflectance_fit.capture.reading import Reading
 from reflectance_fit.capture.truth import Truth
 from reflectance_fit.errors import ReflectanceFitError
 from reflectance_fit.strict_yaml import parse, validate
@@ -150,7 +152,11 @@ def test_camera_and_geometry_problems(tmp_path, old, new, expected):
         ("theta_deg: '45'", "theta_deg: must be a valid number"),
         ("theta_deg: .nan", "theta_deg: must be a finite number"),
         ("theta_deg_sigma: -1", "theta_deg_sigma: must be greater than or equal to 0"),
-        ("exposure_s: 0", "exposure_s: must be greater than 0"),
+        ("exposure_s: 0", "exposure_s: must be above 0 and below a million seconds"),
+        ("exposure_s: 1/0", "exposure_s: must be a number of seconds, such as 0.01 or 1/60"),
+        ("exposure_s: .inf", "exposure_s: must be a number of seconds, such as 0.01 or 1/60"),
+        ("exposure_s: true", "exposure_s: must be a number of seconds, such as 0.01 or 1/60"),
+        ("exposure_s: [1, 60]", "exposure_s: must be a number of seconds, such as 0.01 or 1/60"),
         ("iso: 0", "iso: must be greater than 0"),
         ("role: smaple", "role: must be 'sample', 'dark', 'flat'"),
         ("sha256: 3f", "sha256: must be 64 hexadecimal digits, as sha256sum prints (found '3f')"),
@@ -206,6 +212,92 @@ def test_there_must_be_a_sample(tmp_path):
     assert problem(tmp_path, HEAD) == "1: 'frames' is missing; add it"
 
 
+def test_every_lit_frame_of_a_sensor_without_colour_filters_names_its_channel(tmp_path):
+    text = HEAD.replace("bayer", "mono") + FRAMES
+    assert problem(tmp_path, text) == "6: frames.0: channel is missing; say which one the frame belongs to"
+    (tmp_path / "b.dng").touch()
+    (tmp_path / "capture.yaml").write_text(
+        text.replace("a.dng,", "a.dng, channel: G,") + "  - {file: b.dng, role: dark}\n"
+    )
+    capture = read_capture(tmp_path / "capture.yaml")
+    assert [frame.channels for frame in capture.frames] == [("G",), tuple(capture.channels)]
+
+
+@pytest.mark.parametrize(
+    ("camera", "expected"),
+    [
+        ("sensor: bayer, encoding: linear", "3: camera: pattern is missing; add the colours"),
+        ("sensor: bayer, pattern: RGGB", "3: camera.pattern: belongs to PNG and TIFF"),
+        ("sensor: bayer, encoding: linear, pattern: RGBG", "3: camera.pattern: must be 'RGGB'"),
+        ("sensor: bayer, encoding: gamma", "3: camera.encoding: must be 'linear' or 'srgb'"),
+        (
+            "sensor: bayer, black_dn: {R: 1, X: 1}",
+            "3: camera.black_dn.X: a bayer sensor has the channels R, G",
+        ),
+        ("sensor: bayer, black_dn: -1", "3: camera.black_dn: must be greater than or equal to 0"),
+        ("sensor: bayer, white_dn: 0", "3: camera.white_dn: must be greater than 0"),
+        ("sensor: bayer, black_dn: 64, white_dn: 64", "3: camera.white_dn: must be above black_dn, 64"),
+        ("sensor: bayer, black_dn: {B: 64}, white_dn: 63", "3: camera.white_dn: must be above black_dn, 64"),
+        (
+            "sensor: bayer, encoding: srgb, pattern: RGGB, black_dn: 3",
+            "3: camera.black_dn: belongs to linear values",
+        ),
+    ],
+)
+def test_levels_and_encoding(tmp_path, camera, expected):
+    assert problem(tmp_path, HEAD.replace("sensor: bayer", camera) + FRAMES).startswith(expected)
+
+
+def test_levels_of_a_sensor_without_colour_filters(tmp_path):
+    for camera, expected in (
+        ("sensor: mono, pattern: RGGB", "3: camera.pattern: belongs to sensors with colour filters"),
+        ("sensor: mono, white_dn: {G: 4095}", "3: camera.white_dn: a mono sensor has one level"),
+    ):
+        assert problem(tmp_path, MONO.replace("sensor: mono", camera) + FRAMES).startswith(expected)
+
+
+def test_what_is_stated_goes_to_the_reading(tmp_path):
+    (tmp_path / "a.dng").touch()
+    path = tmp_path / "capture.yaml"
+    path.write_text(HEAD.replace("bayer", "bayer, black_dn: 64, white_dn: {G: 4000}") + FRAMES)
+    reading = read_capture(path).reading
+    assert (reading.black_dn, reading.white_dn) == ({"R": 64, "G": 64, "B": 64}, {"G": 4000})
+    assert reading.encoding is None
+    path.write_text(MONO.replace("mono", "mono, encoding: srgb") + FRAMES)
+    assert read_capture(path).reading == Reading("mono", encoding="srgb")
+    path.write_text(MONO.replace("mono", "mono, black_dn: 3.5") + FRAMES)
+    assert read_capture(path).reading == Reading("mono", black_dn={"mono": 3.5})
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [
+        ("1/60", Fraction(1, 60)),
+        ("0.01", Fraction(1, 100)),
+        ("2", 2),
+        ("1e-3", Fraction(1, 1000)),
+        ("'1 / 8'", Fraction(1, 8)),
+    ],
+)
+def test_exposures_are_exact(tmp_path, text, seconds):
+    (tmp_path / "a.dng").touch()
+    path = tmp_path / "capture.yaml"
+    path.write_text(HEAD + FRAMES.replace("}", f", exposure_s: {text}}}"))
+    (frame,) = read_capture(path).frames
+    assert frame.exposure.seconds == seconds
+    assert isinstance(frame.exposure.seconds, Fraction)
+
+
+def test_a_retarder_has_no_angle_from_an_s_that_turns(tmp_path):
+    text = (
+        (HEAD + FRAMES)
+        .replace("stated, s_axis_deg: 0", "sphere, sphere: {center_px: [50, 50], radius_px: 20}")
+        .replace("theta_deg: 45, ", "")
+        .replace("analyzer_deg: 0", "analyzer_deg: 0, retarder_deg: 20")
+    )
+    assert "retarder_deg: belongs to geometry kind: stated" in problem(tmp_path, text)
+
+
 @pytest.mark.parametrize("again", ["a.dng", "./a.dng", "link.dng"])
 def test_a_file_twice(tmp_path, again):
     (tmp_path / "link.dng").symlink_to("a.dng")
@@ -220,46 +312,6 @@ def test_images_that_are_not_raw(tmp_path, name):
         f"6: frames.0.file: '{name}' is not RAW; 8-bit and gamma-encoded images are refused unless"
         " camera.encoding says how to undo that; give the camera's RAW file"
     )
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        (
-            MONO.replace("mono", "dofp, dofp_layout_deg: [[90, 45], [135, 0]]") + FRAMES,
-            "3: camera.sensor: dofp: sensors with polarizers on the pixels are not supported yet",
-        ),
-        (
-            HEAD.replace("bayer", "mono") + FRAMES,
-            "3: camera.channels: several channels of a mono sensor are not supported yet",
-        ),
-        (
-            HEAD.replace("bayer", "bayer, encoding: linear") + FRAMES.replace("dng", "png"),
-            "3: camera.encoding: images that are not RAW are not supported yet",
-        ),
-        (
-            HEAD.replace(
-                "stated, s_axis_deg: 0",
-                "charuco, charuco: {squares: [11, 8], square_mm: 10, marker_mm: 7.5, dictionary: DICT_5X5_100}",
-            )
-            + FRAMES,
-            "4: geometry.kind: angles from a ChArUco board are not supported yet",
-        ),
-        (
-            HEAD.replace("stated, s_axis_deg: 0", "sphere, sphere: detect") + FRAMES,
-            "4: geometry.sphere: finding the ball is not supported yet",
-        ),
-        *(
-            (
-                f"{HEAD}{FRAMES}  - {{file: b.dng, role: {role}}}\n",
-                f"7: frames.1.role: the role {role} is not supported yet",
-            )
-            for role in ("reference", "polarizer", "geometry")
-        ),
-    ],
-)
-def test_what_is_not_supported_yet_is_said_alone(tmp_path, text, expected):
-    assert problem(tmp_path, text) == expected
 
 
 @pytest.mark.parametrize(

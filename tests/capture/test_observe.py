@@ -7,11 +7,13 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from reflectance_fit.capture.bins import Region, SphereBins
+from reflectance_fit.capture.calibrate import calibrate
 from reflectance_fit.capture.frames import Exposure
-from reflectance_fit.capture.observe import calibrate, flat_rows, sphere_rows
-from reflectance_fit.capture.raw import RawFrame
+from reflectance_fit.capture.observe import angle_rows, flat_rows
+from reflectance_fit.capture.raw import Plane, RawFrame
 from reflectance_fit.capture.read import read_capture
-from reflectance_fit.capture.reduce import Region, SphereBins, reduce_frame
+from reflectance_fit.capture.reduce import reduce_frame
 from reflectance_fit.data_synthetic.sensor import Sensor, expose, fixed_pattern
 
 FLAT = """schema: reflectance_fit/capture/1
@@ -52,12 +54,14 @@ def capture_of(folder, text):
 
 def means_of(cfa, bins=ALL, sensor=SENSOR, *, mono=False, profile=None, is_flat=False):
     names = np.full((2, 2), "mono") if mono else np.array(list(sensor.pattern)).reshape(2, 2)
-    black, white = np.array(sensor.black, dtype=float), float(sensor.white)
+    black, white = np.array(sensor.black, dtype=float), np.full((2, 2), float(sensor.white))
     if np.ndim(cfa) == 0:
         cfa = np.full((sensor.height, sensor.width), cfa)
     if profile == "sensor":
         profile = dict.fromkeys(set(names.flat), sensor.noise_profile)
-    return reduce_frame(RawFrame(cfa, names, black, white, None, None, profile), (bins,), is_flat)
+    return reduce_frame(
+        RawFrame(cfa, names, np.full((2, 2), np.nan), black, white, None, None, profile), (bins,), is_flat
+    )
 
 
 def above_black(dn):
@@ -70,17 +74,18 @@ def test_darks_exposure_and_sigma_by_their_formulas(tmp_path):
     darks = [means_of(above_black(dn)) for dn in (4, 10)]
     found = calibrate(
         capture, frame, Exposure(0.25, 100), Region(), means_of(above_black(1007)), darks, []
-    ).channels
+    ).signals
     for name, pixels, gain, read in (("R", 768, 2, 3), ("G", 1536, 4, 8), ("B", 768, 5, 0)):
 
         def variance(dn, gain=gain, read=read):
             return dn / gain + (read / gain) ** 2 + 1 / 12
 
         expected = (variance(1007) + (variance(4) + variance(10)) / 4) / pixels / 0.25**2
-        assert found[name].value == pytest.approx([4000.0])
-        assert found[name].variance == pytest.approx([expected])
-        assert found[name].pixels == [pixels]
-        assert not found[name].saturated
+        signals = found[Plane(name)]
+        assert signals.value == pytest.approx([4000.0])
+        assert signals.variance == pytest.approx([expected])
+        assert signals.pixels == [pixels]
+        assert not signals.saturated
 
 
 def test_without_darks_the_black_level_counts_and_a_signal_may_be_negative(tmp_path):
@@ -88,8 +93,8 @@ def test_without_darks_the_black_level_counts_and_a_signal_may_be_negative(tmp_p
     found = calibrate(
         capture, capture.frames[0], Exposure(1.0, 100), Region(), means_of(above_black(-3)), [], []
     )
-    assert found.channels["R"].value == pytest.approx([-3.0])
-    assert found.channels["R"].variance == pytest.approx([(9 / 4 + 1 / 12) / 768])
+    assert found.signals[Plane("R")].value == pytest.approx([-3.0])
+    assert found.signals[Plane("R")].variance == pytest.approx([(9 / 4 + 1 / 12) / 768])
 
 
 def test_flats_divide(tmp_path):
@@ -99,7 +104,7 @@ def test_flats_divide(tmp_path):
         (means_of(above_black(3000)), 0.5, []),
     ]
     arguments = (capture, capture.frames[0], Exposure(1.0, 100), Region(), means_of(above_black(1000)), [])
-    divided, plain = (calibrate(*arguments, f).channels["R"] for f in (flats, []))
+    divided, plain = (calibrate(*arguments, f).signals[Plane("R")] for f in (flats, []))
     assert divided.value == pytest.approx([1000 / 5000])
     assert np.sqrt(divided.variance) / divided.value == pytest.approx(np.sqrt(plain.variance) / plain.value)
 
@@ -110,7 +115,9 @@ def test_noise_of_the_file_of_the_flats_and_of_none(tmp_path):
     lit = above_black(1000)
 
     def variance(means, darks=(), flats=()):
-        return calibrate(capture, frame, exposure, Region(), means, darks, flats).channels["R"].variance[0]
+        return (
+            calibrate(capture, frame, exposure, Region(), means, darks, flats).signals[Plane("R")].variance[0]
+        )
 
     slope, floor = SENSOR.noise_profile
     span = 15871 - 512
@@ -127,7 +134,7 @@ def test_noise_of_the_file_of_the_flats_and_of_none(tmp_path):
         )
         for level in (0.9, 0.0)
     )
-    level = white.scatter["R"][0]
+    level = white.scatter[Plane("R")][0]
     expected = variance(means_of(lit, profile=dict.fromkeys("RGB", (slope, floor))), [black])
     assert variance(means_of(lit), [black], [(white, 1.0, [])]) * level**2 == pytest.approx(
         expected, rel=0.25
@@ -140,7 +147,7 @@ def test_a_bin_is_saturated_from_one_pixel_in_a_thousand(tmp_path):
         cfa = above_black(1000)
         cfa[0, 0] = SENSOR.white if clipped else 1000  # R
         found = calibrate(capture, capture.frames[0], Exposure(1.0, 100), Region(), means_of(cfa), [], [])
-        assert [bool(found.channels[n].saturated[0]) for n in "RGB"] == [flag, False, False]
+        assert [bool(found.signals[Plane(n)].saturated[0]) for n in "RGB"] == [flag, False, False]
         assert found.saturated_share == (0.25 if flag else 0.0)
         assert flat_rows(capture, [found]).flag.tolist() == (
             ["saturated", "used", "used"] if flag else ["used"] * 3
@@ -150,7 +157,7 @@ def test_a_bin_is_saturated_from_one_pixel_in_a_thousand(tmp_path):
     cfa[0, 0] = hot.white
     means = means_of(cfa, sensor=hot)  # one R of 3072
     found = calibrate(capture, capture.frames[0], Exposure(1.0, 100), Region(), means, [], [])
-    assert not found.channels["R"].saturated
+    assert not found.signals[Plane("R")].saturated
 
 
 def test_rows_of_a_flat_sample(tmp_path):
@@ -197,7 +204,7 @@ def linear_picture(analyzer_deg, a=2000.0, b=800.0, c=-500.0):
 
 def test_a_sphere_s_rows_are_exact_for_what_is_linear_in_cos_and_sin(tmp_path):
     capture = capture_of(tmp_path, SPHERE)
-    rows = sphere_rows(capture, sphere_samples(capture, [linear_picture(a) for a in (0, 60, 120)]))
+    rows = angle_rows(capture, sphere_samples(capture, [linear_picture(a) for a in (0, 60, 120)]))
     assert len(rows) == 18
     assert (rows.diattenuation < 1).all()  # a sector of 30 degrees: sin(30) / radians(30)
     assert rows.diattenuation == pytest.approx(np.full(18, 0.955), abs=0.03)
@@ -224,28 +231,28 @@ def test_a_flat_weighs_the_angles_of_a_bin(tmp_path):
     seen = means_of(np.rint(light * (0.5 + theta) + black).astype(np.uint16), BALL, mono=True)
     (found,) = calibrate(
         capture, capture.frames[0], Exposure(1.0, 100), BALL, seen, [], [(flat, 1.0, [])]
-    ).channels.values()
+    ).signals.values()
     # Rounding of a pixel, 0.3 DN of 4000, averages out over the 30 and more of a bin.
     assert found.value == pytest.approx(0.5 + found.theta, rel=3e-5)
 
 
 def reduce_frame_pixels(_capture, analyzer_deg):
     bins = replace(BALL, analyzer=math.radians(analyzer_deg))
-    return int(means_of(1000, bins, mono=True).over(bins)["mono"].pixels.sum())
+    return int(means_of(1000, bins, mono=True).over(bins)[Plane("mono")].pixels.sum())
 
 
 def test_a_clipped_frame_is_left_out_of_the_pool_and_a_bin_that_clips_everywhere_says_so(tmp_path):
     capture = capture_of(tmp_path, SPHERE)
     pictures = [linear_picture(a) for a in (0, 60, 120)]
-    whole = sphere_rows(capture, sphere_samples(capture, pictures))
+    whole = angle_rows(capture, sphere_samples(capture, pictures))
     pictures[1] = np.full((48, 64), SENSOR.white)
-    rows = sphere_rows(capture, sphere_samples(capture, pictures))
+    rows = angle_rows(capture, sphere_samples(capture, pictures))
     assert (rows.flag == "used").all()
     assert (rows.pixels < whole.pixels).all()
     phi = np.radians(rows.analyzer_deg)
     expected = 2000 + rows.diattenuation * (800 * np.cos(2 * phi) - 500 * np.sin(2 * phi))
     assert rows.value == pytest.approx(expected, abs=0.3)
-    rows = sphere_rows(capture, sphere_samples(capture, [np.full((48, 64), SENSOR.white)] * 3))
+    rows = angle_rows(capture, sphere_samples(capture, [np.full((48, 64), SENSOR.white)] * 3))
     assert len(rows) == 18
     assert (rows.flag == "saturated").all()
     assert rows.pixels.tolist() == whole.pixels.tolist()
@@ -253,7 +260,7 @@ def test_a_clipped_frame_is_left_out_of_the_pool_and_a_bin_that_clips_everywhere
 
 def test_each_ring_has_a_gain_of_its_own_unless_the_surround_is_uniform(tmp_path):
     capture = capture_of(tmp_path, SPHERE.replace(", uniform: true", ""))
-    rows = sphere_rows(capture, sphere_samples(capture, [linear_picture(a) for a in (0, 60, 120)]))
+    rows = angle_rows(capture, sphere_samples(capture, [linear_picture(a) for a in (0, 60, 120)]))
     assert rows.gain_group.tolist() == [f"0:ring {i}" for i in range(3) for _ in range(6)]
 
 
@@ -307,7 +314,7 @@ def test_sigma_of_a_sphere_seen_by_one_camera_after_another(tmp_path, prnu, flat
             return means_of(picture, BALL, sensor, mono=True, profile="sensor")
 
         white = [(shot(1.0), float(exposure), []) for _ in range(flats)]
-        rows = sphere_rows(
+        rows = angle_rows(
             capture,
             [calibrate(capture, frame, Exposure(float(exposure), 100), BALL, shot(1.2), [], white)],
         )

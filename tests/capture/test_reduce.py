@@ -1,13 +1,15 @@
 """Bins against one pixel at a time, with the geometry of the ball written as vectors."""
 
 import math
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 import pytest
 
-from reflectance_fit.capture.raw import RawFrame
-from reflectance_fit.capture.reduce import Region, SphereBins, reduce_frame
+from reflectance_fit.capture.bins import Mask, Region, Shift, SphereBins
+from reflectance_fit.capture.raw import Plane, RawFrame
+from reflectance_fit.capture.reduce import reduce_frame
 from reflectance_fit.data_synthetic.sensor import Sensor, expose, fixed_pattern
 
 WIDTH, HEIGHT = 50, 38
@@ -24,7 +26,13 @@ def raw(pattern="GRBG", noise_profile=None, cfa=None):
         # A fifth of the pixels is clipped.
         cfa = np.minimum(generator.integers(80, 5000, (HEIGHT, WIDTH)), 4000).astype(np.uint16)
     names = np.full((2, 2), "mono") if pattern == "MONO" else np.array(list(pattern)).reshape(2, 2)
-    return RawFrame(cfa, names, BLACK, WHITE, Fraction(1, 8), 100.0, noise_profile)
+    return of_cell(cfa, names, BLACK, WHITE, noise_profile)
+
+
+def of_cell(cfa, names, black, white, noise_profile=None, axes_deg=None):
+    axes = np.full(names.shape, np.nan) if axes_deg is None else np.asarray(axes_deg, dtype=float)
+    whites = np.full(names.shape, white)
+    return RawFrame(cfa, names, axes, black, whites, Fraction(1, 8), 100.0, noise_profile)
 
 
 def one_by_one(frame, bin_of):
@@ -38,8 +46,10 @@ def one_by_one(frame, bin_of):
             number, angles = where
             black = frame.black[y % 2, x % 2]
             dn = float(frame.cfa[y, x])
-            clipped = dn - black >= 0.98 * (frame.white - black)
-            row = sums.setdefault((str(frame.pattern[y % 2, x % 2]), number), np.zeros(3 + len(angles)))
+            clipped = dn - black >= 0.98 * (WHITE - black)
+            row = sums.setdefault(
+                (Plane(str(frame.channels[y % 2, x % 2])), number), np.zeros(3 + len(angles))
+            )
             row += np.array([1, clipped, dn - black, *angles])
     return sums
 
@@ -62,7 +72,7 @@ def test_regions(pattern, region):
         else:
             assert np.isnan(plane.mean)
         assert np.isnan(plane.theta)
-    assert set(means) == ({"mono"} if pattern == "MONO" else set("RGB"))
+    assert set(means) == ({Plane("mono")} if pattern == "MONO" else set(map(Plane, "RGB")))
     assert sum(plane.saturated[0] for plane in means.values()) > 0
 
 
@@ -126,8 +136,8 @@ def test_spheres(pattern, centre, radius, analyzer_deg):
 def test_several_bins_of_one_frame_stay_apart():
     first, second = Region(0, 0, 10, 10), Region(10, 10, 20, 20)
     means = reduce_frame(raw(), (first, second))
-    assert means.over(second)["R"].mean != means.over(first)["R"].mean
-    assert means.over(second)["R"].mean == reduce_frame(raw(), (second,)).over(second)["R"].mean
+    assert means.over(second)[Plane("R")].mean != means.over(first)[Plane("R")].mean
+    assert means.over(second)[Plane("R")].mean == reduce_frame(raw(), (second,)).over(second)[Plane("R")].mean
 
 
 def test_the_noise_profile_in_dn():
@@ -146,8 +156,8 @@ def test_scatter_of_a_flat_is_noise_and_response_without_falloff():
     exposure = Fraction(1, 2000)
     cfa = expose(np.full((1, 1), 0.8, dtype=np.float32), exposure, sensor, pixels, generator)
     names = np.array(list(sensor.pattern)).reshape(2, 2)
-    frame = RawFrame(cfa, names, np.array(sensor.black, dtype=float), 15871.0, exposure, 100.0, None)
-    for name, (mean, variance) in reduce_frame(frame, (Region(),)).scatter.items():
+    frame = of_cell(cfa, names, np.array(sensor.black, dtype=float), 15871.0)
+    for (name, _), (mean, variance) in reduce_frame(frame, (Region(),)).scatter.items():
         middle = np.ma.masked_all(cfa.shape)
         for y in range(80, 240):
             for x in range(100, 300):
@@ -157,3 +167,73 @@ def test_scatter_of_a_flat_is_noise_and_response_without_falloff():
         assert mean == pytest.approx(middle.mean(), rel=0.003)
         # 8000 pixels, of pairs that share one: 5 sigma.
         assert variance == pytest.approx(expected, rel=5 * math.sqrt(3 / 8000))
+
+
+AXES = [[90.0, 45.0], [135.0, 0.0]]
+
+
+@pytest.mark.parametrize("colour", [False, True])
+def test_a_polarizer_on_each_pixel_is_a_plane_of_its_own(colour):
+    names = np.array([list("RRGG"), list("RRGG"), list("GGBB"), list("GGBB")])
+    n = 4 if colour else 2
+    cells = names if colour else np.full((2, 2), "mono")
+    black = np.arange(100.0, 100.0 + n * n).reshape(n, n)
+    generator = np.random.default_rng(8)
+    cfa = generator.integers(80, 5000, (HEIGHT, WIDTH)).astype(np.uint16)
+    frame = of_cell(cfa, cells, black, 5000.0, axes_deg=np.tile(AXES, (n // 2, n // 2)))
+    ball = SphereBins(24.3, 18.6, 17.2, None, EDGES, SECTORS)
+    region = Region(3, 5, 41, 30)
+    means = reduce_frame(frame, (region, ball))
+    for (channel, axis_deg), plane in means.over(region).items():
+        own = [
+            float(cfa[y, x]) - black[y % n, x % n]
+            for y in range(5, 30)
+            for x in range(3, 41)
+            if cells[y % n, x % n] == channel and AXES[y % 2][x % 2] == axis_deg
+        ]
+        assert plane.pixels == [len(own)]
+        assert plane.mean == pytest.approx([np.mean(own)], abs=1e-9)
+        # On a ball: as if all pixels had the one axis and those of the others did not count.
+        alike = replace(ball, analyzer=math.radians(axis_deg))
+        others = np.ones(cfa.shape, dtype=bool)
+        for y, x in ((y, x) for y in range(n) for x in range(n)):
+            if cells[y, x] == channel and AXES[y % 2][x % 2] == axis_deg:
+                others[y::n, x::n] = False
+        single = replace(frame, channels=np.full((n, n), "mono"), axes_deg=np.full((n, n), np.nan))
+        alone = reduce_frame(single, (alike,), mask=Mask.of(others)).over(alike)[Plane("mono")]
+        for name in ("pixels", "saturated", "mean", "theta", "cos_2phi"):
+            np.testing.assert_allclose(
+                getattr(means.over(ball)[Plane(channel, axis_deg)], name), getattr(alone, name), rtol=1e-12
+            )
+    assert len(means.over(region)) == (12 if colour else 4)
+
+
+@pytest.mark.parametrize("bins", [Region(3, 5, 41, 30), SphereBins(24.3, 18.6, 17.2, 0.3, EDGES, SECTORS)])
+def test_a_mask_takes_pixels_out_of_every_sum(bins):
+    frame = raw()
+    masked = np.random.default_rng(4).random(frame.cfa.shape) < 0.3
+    junk = replace(frame, cfa=np.where(masked, 4000, frame.cfa).astype(np.uint16))
+    found, clean = (reduce_frame(f, (bins,), mask=Mask.of(masked)).over(bins) for f in (junk, frame))
+    everything = reduce_frame(frame, (bins,)).over(bins)
+    for plane in found:
+        np.testing.assert_array_equal(found[plane].mean, clean[plane].mean)
+        assert 0 < found[plane].pixels.sum() < everything[plane].pixels.sum()
+
+
+@pytest.mark.parametrize("bins", [Region(13, 9, 31, 26), SphereBins(24.0, 18.0, 11.0, 0.3, EDGES, SECTORS)])
+@pytest.mark.parametrize("turn_deg", [0.0, 180.0])
+def test_a_moved_picture_gives_the_same_means(bins, turn_deg):
+    # By whole cells, or upside down about a point between pixels, the same pixels are seen elsewhere.
+    frame = raw("MONO")
+    frame = replace(frame, black=np.zeros((2, 2)))
+    if turn_deg:
+        moved = replace(frame, cfa=frame.cfa[::-1, ::-1])
+        shift = Shift(((-1.0, 0.0), (0.0, -1.0)), (WIDTH - 1.0, HEIGHT - 1.0))
+    else:
+        moved = replace(frame, cfa=np.roll(frame.cfa, (4, 6), axis=(0, 1)))
+        shift = Shift(offset=(6.0, 4.0))
+    expected = reduce_frame(frame, (bins,)).over(bins)[Plane("mono")]
+    found = reduce_frame(moved, (bins,), shift=shift).over(bins)[Plane("mono")]
+    np.testing.assert_array_equal(found.pixels, expected.pixels)
+    np.testing.assert_allclose(found.mean, expected.mean, rtol=1e-12)
+    np.testing.assert_allclose(found.theta, expected.theta, rtol=1e-12)

@@ -13,7 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from reflectance_fit.capture.raw import decode
-from reflectance_fit.capture.tiff import CFA, check_structure, read_tags
+from reflectance_fit.capture.reading import Reading, read_frame
+from reflectance_fit.capture.structure import check_structure
+from reflectance_fit.capture.tiff import CFA, read_tags
 from reflectance_fit.errors import ReflectanceFitError
 
 RATIONAL, DOUBLE, FLOAT, BYTE, ASCII, SHORT, LONG, SRATIONAL = 5, 12, 11, 1, 2, 3, 4, 10
@@ -199,7 +201,14 @@ def test_noise_profiles_that_are_none(write, profile):
         ({"t339": (SHORT, [3])}, "floating-point"),
         ({"t33421": (SHORT, [4, 4]), "t33422": (BYTE, [0, 0, 1, 1] * 4)}, "4 x 4"),
         ({"t277": (SHORT, [3]), "t50714": None}, "demosaiced"),
-        ({"t259": (SHORT, [34892])}, "34892 is lossy"),
+        ({"t33421": (SHORT, [6, 6]), "t33422": (BYTE, [0, 1, 1, 2, 1, 1] * 6)}, "X-Trans"),
+        ({"t50711": (SHORT, [2])}, "staggered"),
+        ({"t262": (SHORT, [34892]), "t277": (SHORT, [3]), "t50714": None}, "linear RGB"),
+        ({"t50885": (LONG, [4])}, "sRAW"),
+        ({"t259": (SHORT, [34892])}, "34892 is lossy JPEG"),
+        ({"t259": (SHORT, [52546])}, "JPEG XL, which may be lossy"),
+        ({"t259": (SHORT, [12345])}, "12345 is not known"),
+        ({"t259": (SHORT, [7])}, "is no JPEG"),
         ({"t258": (SHORT, [32])}, "bits"),
         ({"t50713": (SHORT, [4, 1]), "t50714": (SHORT, [1, 2, 3, 4])}, "4 x 1"),
         ({"t279": (LONG, [6143])}, "too short"),
@@ -243,7 +252,9 @@ def test_files_that_are_something_else(write, tmp_path):
     assert "empty" in refusal(write(b""))
     assert "JPEG" in refusal(write(b"\xff\xd8\xff\xe0" + bytes(100)))
     assert "no header of a raw format" in refusal(write(bytes(1000)))
-    assert "no header of a raw format" in refusal(write(b"II+\0\x08\0\0\0" + bytes(100)))  # BigTIFF
+    assert "BigTIFF" in refusal(write(b"II+\0\x08\0\0\0" + bytes(100)))
+    assert "Foveon" in refusal(write(b"FOVb" + bytes(100)))
+    assert "is a PNG" in refusal(write(b"\x89PNG\r\n\x1a\n" + bytes(100)))
     assert "cut off" in refusal(write(b"II*\0"))
     assert "no such file" in refusal(tmp_path / "none.dng")
     assert "no ordinary file" in refusal(tmp_path)
@@ -270,7 +281,7 @@ def test_a_picture_of_one_value(write):
 def test_white_not_above_black(write, white):
     path = write(build(image(t50717=(SHORT, [white])), pixels=PIXELS.tobytes()))
     with pytest.raises(ReflectanceFitError, match=f"black level 100 is not below its white level {white}"):
-        decode(path)
+        read_frame(path, Reading())
 
 
 def test_a_plain_tiff_that_libraw_takes_for_raw(tmp_path):
@@ -301,6 +312,45 @@ def test_lossless_jpeg_and_its_cut_files(tmp_path):
     for length in range(600, len(whole), 97):
         (tmp_path / "cut.dng").write_bytes(whole[:length])
         assert refusal(tmp_path / "cut.dng")
+
+
+def lossless(height: int, width: int, marker: int = 0xC3) -> bytes:
+    """The segments before the data of a JPEG of one component, after a comment."""
+    frame = struct.pack(">BHHB", 14, height, width, 1) + b"\0\x11\0"
+    segments = ((0xFE, b"made for a test"), (marker, frame), (0xDA, b"\1\0\0\1\0\0"))
+    coded = (struct.pack(">BBH", 0xFF, m, len(b) + 2) + b for m, b in segments)
+    return b"\xff\xd8" + b"".join(coded) + bytes(64)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (lossless(48, 64), None),
+        (lossless(24, 128), None),  # two rows of the sensor in one of the JPEG
+        (lossless(48, 63), "too short"),
+        (lossless(48, 64, 0xC0), "JPEG compression is lossy"),
+        (lossless(48, 64, 0xC1), "JPEG compression is lossy"),
+        (lossless(48, 64, 0xC4), "is no JPEG"),  # a Huffman table is no frame
+        (lossless(48, 64)[:30], "is no JPEG"),
+        (lossless(48, 64)[2:], "is no JPEG"),
+        (b"\xff\xd8" + 70 * b"\xff\xfe\0\2" + lossless(48, 64)[2:], "is no JPEG"),
+    ],
+)
+def test_the_header_of_a_jpeg_inside(write, data, message):
+    path = write(build(image(t259=(SHORT, [7]), t279=(LONG, [len(data)])), pixels=data))
+    if message is None:
+        (jpeg,) = tags_of(path).image.jpegs
+        assert jpeg == (True, 14, 48 * 64)
+    else:
+        assert message in refusal(path)
+
+
+def test_masked_areas(write):
+    tags = image(t50829=(LONG, [4, 8, 48, 64]), t50830=(LONG, [0, 0, 4, 64, 4, 0, 48, 8]))
+    found = tags_of(write(build(tags, pixels=PIXELS.tobytes()))).image
+    assert found.masked == ((0, 0, 4, 64), (4, 0, 48, 8))
+    assert found.active_origin == (4, 8)
+    assert tags_of(write(build(image(t50830=(LONG, [0, 0, 4])), pixels=PIXELS.tobytes()))).image.masked == ()
 
 
 BASE = build(

@@ -159,5 +159,5 @@ def test_light_beyond_every_exposure_is_an_error():
     "wrong", [{"width": 33}, {"white": 2**14}, {"black": ((0, 0), (0, 15871))}, {"bits": 12}]
 )
 def test_impossible_sensors(wrong):
-    with pytest.raises(ValueError, match=r"must be even|0 <= black"):
+    with pytest.raises(ValueError, match=r"must be multiples of 2|0 <= black"):
         Sensor(**wrong)

@@ -12,8 +12,9 @@ from scipy.optimize import least_squares
 
 from reflectance_fit.cli.main import cli
 from reflectance_fit.data_synthetic.capture import write_capture
+from reflectance_fit.data_synthetic.rig import Faults, Light, Setting
 from reflectance_fit.data_synthetic.sensor import EXPOSURES_S, Sensor
-from reflectance_fit.data_synthetic.spec import SENSORS, CaptureSpec, Faults, Light, Setting, standard_spec
+from reflectance_fit.data_synthetic.spec import SENSORS, CaptureSpec, standard_spec
 from reflectance_fit.errors import ReflectanceFitError
 from reflectance_fit.materials.library import get
 from reflectance_fit.physics.brewster import brewster_angle

@@ -20,9 +20,9 @@ LAYERS = (
     {"physics"},
     {"observations", "examination", "material", "materials", "priors", "result", "errors", "strict_yaml"}
     | {"files", "inputs", "manifests", "measured", "nuisances", "observations_columns", "observations_file"}
-    | {"yaml_edit"},
+    | {"views", "yaml_edit"},
     {"measurement", "capture", "inference", "report", "plot", "data_synthetic"},
-    {"workflow", "workflow_schlick", "workflow_plan", "planning"},
+    {"workflow", "workflow_schlick", "workflow_plan", "workflow_board", "planning"},
     {"demonstration"},
     {"cli"},
 )
@@ -40,6 +40,7 @@ HOMES = {
     "h5netcdf": ("reflectance_fit.report.netcdf", "reflectance_fit.observations_file"),
     "ruamel": ("reflectance_fit.strict_yaml", "reflectance_fit.yaml_edit"),
     "rawpy": "reflectance_fit.capture.raw",
+    "cv2": ("reflectance_fit.capture", "reflectance_fit.data_synthetic.target"),
 }
 
 

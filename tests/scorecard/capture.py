@@ -2,32 +2,31 @@
 
 from __future__ import annotations
 
-import contextlib
 import multiprocessing
 import tempfile
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import TypeVar, get_args
+from typing import get_args
 
 import numpy as np
 import rawpy
 import tifffile
 from card import Figure
+from decoding_here import decode_here
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from reflectance_fit.capture import ingest as ingestion
-from reflectance_fit.capture.raw import decode
+from reflectance_fit.capture.ingest import ingest
 from reflectance_fit.capture.read import read_capture
-from reflectance_fit.capture.workers import Job
 from reflectance_fit.data_synthetic.capture import write_capture
 from reflectance_fit.data_synthetic.dng import DngMetadata, write_dng
+from reflectance_fit.data_synthetic.rig import Setting
 from reflectance_fit.data_synthetic.sensor import Pattern
-from reflectance_fit.data_synthetic.spec import CaptureSpec, Setting, Shape, standard_spec
+from reflectance_fit.data_synthetic.spec import CaptureSpec, Shape, standard_spec
 from reflectance_fit.inference import posterior
 from reflectance_fit.inference.run import fit_channel
 from reflectance_fit.materials.loader import AIR_INDEX
@@ -36,7 +35,6 @@ from reflectance_fit.observations import Flag
 from reflectance_fit.physics.brewster import brewster_angle
 
 FloatArray = NDArray[np.float64]
-T = TypeVar("T")
 
 PROCESSES = 2
 FIT_SENSOR, FLAT_SENSOR = (400, 300), (100, 76)  # pixels, width and height
@@ -44,6 +42,7 @@ FIT_SENSOR, FLAT_SENSOR = (400, 300), (100, 76)  # pixels, width and height
 MIN_ESS, BLOCK, WALKERS = 1000.0, 75, 32
 # Repeats of (flat, sphere) captures: with them a variance is known to 2 % or better.
 REPEATS = {"flat": 20, "sphere": 30}
+SHAPES: tuple[Shape, ...] = ("flat", "sphere")
 QUANTITIES = ("eta", "k", "brewster_deg")
 CHANNEL = "G"
 LEVEL, BAND = 0.95, 0.99
@@ -106,18 +105,7 @@ def _seeds(full: bool) -> int:
 
 def _start() -> None:
     posterior.MIN_ESS, posterior.BLOCK, posterior.WALKERS = MIN_ESS, BLOCK, WALKERS
-    vars(ingestion)["RawWorkers"] = _Here
-
-
-class _Here(contextlib.AbstractContextManager["_Here"]):
-    """In place of RawWorkers: the same decoding in this process, because these files are our own."""
-
-    def __exit__(self, *_: object) -> None:
-        pass
-
-    def map(self, jobs: Iterable[Job[T]]) -> Iterator[T]:
-        for path, reduce, arguments in jobs:
-            yield reduce(decode(path), *arguments)
+    decode_here()
 
 
 def _round_trips() -> Iterator[Figure]:
@@ -184,7 +172,7 @@ def _sized(spec: CaptureSpec, size: tuple[int, int]) -> CaptureSpec:
 
 def _measured(spec: CaptureSpec) -> Measurement:
     with tempfile.TemporaryDirectory() as folder:
-        return ingestion.ingest(read_capture(write_capture(Path(folder) / "capture", spec))).measurement
+        return ingest(read_capture(write_capture(Path(folder) / "capture", spec))).measurement
 
 
 def _signals(spec: CaptureSpec) -> tuple[FloatArray, FloatArray]:
@@ -195,7 +183,7 @@ def _signals(spec: CaptureSpec) -> tuple[FloatArray, FloatArray]:
 
 def _recovery(pool: ProcessPoolExecutor, seeds: int) -> Iterator[Figure]:
     """Errors and intervals of whole fits, frames to eta, k and Brewster's angle."""
-    kinds = [(family, shape) for family in FAMILIES for shape in get_args(Shape)]
+    kinds = [(family, shape) for family in FAMILIES for shape in SHAPES]
     jobs = {kind: [pool.submit(_fit, *kind, seed) for seed in range(seeds)] for kind in kinds}
     converged = 0
     for (family, shape), fits in jobs.items():

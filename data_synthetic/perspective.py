@@ -1,0 +1,157 @@
+"""Scenes as a pinhole camera sees them: each pixel has its own angle and plane of incidence.
+
+Frames, signs and units of light are those of `scenes`.  The incident Stokes
+vector is the same in the (s, p) frame of every point.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .camera import Camera, picture_angle
+from .scenes import mirrored, rim
+from .target import Board, Print
+
+Floats = NDArray[np.float64]
+
+PAPER, INK = 0.05, 0.0025
+"""Light that the board scatters, unpolarized, from lamps that its sample does not mirror."""
+_MARGIN_MM = 10.0  # of white paper around the squares
+_BESIDE, _BLACK, _WHITE, _SAMPLE = range(4)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoardScene:
+    """A board with a flat sample in its window.
+
+    A point X of the board (mm from the top left corner of its squares, x along
+    the rows, y down, z into the board) is at ``rotation @ X + shift_mm`` in the
+    camera's frame, as OpenCV has it.  The sample's sides, where it stands
+    above the board, are black.
+
+    Parameters
+    ----------
+    camera : Camera
+    board : Board
+    rotation : float, shape (3, 3)
+    shift_mm : float, shape (3,)
+    light : float, shape (4,)
+    stray : float
+        Unpolarized light from beside the board.
+    """
+
+    camera: Camera
+    board: Board
+    rotation: Floats
+    shift_mm: Floats
+    light: Floats
+    stray: float = 0.0
+    _print: Print = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_print", Print(self.board))
+
+    def stokes(self, x: ArrayLike, y: ArrayLike, eta: ArrayLike, k: ArrayLike) -> Floats:
+        """Stokes vectors at points x, y (broadcast to S) for eta + ik (shape C, vacuum): shape C + S + (4,)."""
+        rays = self.camera.rays(x, y)
+        part = self._part(rays)
+        stokes = np.zeros((*np.shape(eta), *part.shape, 4))
+        scattered = np.array([self.stray, INK, PAPER, 0.0])[part]
+        stokes[..., 0] = scattered
+        if self.board.sheen:
+            turn = 2.0 * np.pi * self._foot(rays)[..., 0] / self.board.size_mm[0]
+            stokes[..., 1] = self.board.sheen * scattered * np.cos(turn)
+            stokes[..., 2] = self.board.sheen * scattered * np.sin(turn)
+        on = part == _SAMPLE
+        cosine, s_axis = self._incidence(rays[on])
+        stokes[..., on, :] = mirrored(cosine, s_axis, self.light, eta, k)
+        return stokes
+
+    def incidence(self, x: ArrayLike, y: ArrayLike) -> tuple[Floats, Floats]:
+        """Angle of incidence, and direction of s in the picture; radians, whatever the point shows."""
+        cosine, s_axis = self._incidence(self.camera.rays(x, y))
+        return np.arccos(cosine), s_axis
+
+    def part(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.intp]:
+        """Which part is seen at points x, y."""
+        return self._part(self.camera.rays(x, y))
+
+    def _incidence(self, rays: Floats) -> tuple[Floats, Floats]:
+        inwards = self.rotation[:, 2]
+        return rays @ inwards, picture_angle(rays, np.cross(rays, inwards))
+
+    def _foot(self, rays: Floats, height: float = 0.0) -> Floats:
+        """Where rays meet the plane at this height above the board, in the board's frame."""
+        camera, along = -self.rotation.T @ self.shift_mm, rays @ self.rotation
+        return np.asarray(camera + along * ((-height - camera[2]) / along[..., 2])[..., None])
+
+    def _part(self, rays: Floats) -> NDArray[np.intp]:
+        """What the rays meet."""
+        foot, top = self._foot(rays), self._foot(rays, self.board.sample_offset_mm)
+        across, down = self.board.size_mm
+        paper = (-_MARGIN_MM, -_MARGIN_MM, across + _MARGIN_MM, down + _MARGIN_MM)
+        part = np.where(self._print.ink(foot[..., 0], foot[..., 1]), _BLACK, _WHITE)
+        part[~_within(foot, paper)] = _BESIDE
+        part[_within(foot, self.board.window)] = _BLACK
+        part[_within(top, self.board.window)] = _SAMPLE
+        return part
+
+
+def _within(points: Floats, box: tuple[float, float, float, float]) -> NDArray[np.bool_]:
+    x, y = points[..., 0], points[..., 1]
+    return np.asarray((x >= box[0]) & (x < box[2]) & (y >= box[1]) & (y < box[3]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BallScene:
+    """An opaque ball inside a surround that shines alike from everywhere, from nearby.
+
+    Parameters
+    ----------
+    camera : Camera
+    centre : float, shape (3,)
+        Of the ball, in its radii.
+    light : float, shape (4,)
+        Of the surround: unpolarized or circular.
+    """
+
+    camera: Camera
+    centre: Floats
+    light: Floats
+
+    def stokes(self, x: ArrayLike, y: ArrayLike, eta: ArrayLike, k: ArrayLike) -> Floats:
+        """Stokes vectors at points x, y (broadcast to S) for eta + ik (shape C, vacuum): shape C + S + (4,)."""
+        rays = self.camera.rays(x, y)
+        on = self._miss(rays) < 1.0
+        stokes = np.empty((*np.shape(eta), *on.shape, 4))
+        stokes[...] = self.light
+        stokes[..., on, :] = mirrored(*self._incidence(rays[on]), self.light, eta, k)
+        return stokes
+
+    def incidence(self, x: ArrayLike, y: ArrayLike) -> tuple[Floats, Floats]:
+        """Angle of incidence, and direction of s in the picture; radians, NaN beside the ball."""
+        rays = self.camera.rays(x, y)
+        on = self._miss(rays) < 1.0
+        theta, s_axis = np.full(on.shape, np.nan), np.full(on.shape, np.nan)
+        cosine, s_axis[on] = self._incidence(rays[on])
+        theta[on] = np.arccos(cosine)
+        return theta, s_axis
+
+    def part(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.intp]:
+        """Which part is seen, as `rim` counts them."""
+        pixel = float(np.linalg.norm(self.centre)) / self.camera.focal_px
+        return rim((self._miss(self.camera.rays(x, y)) - 1.0) / pixel)
+
+    def _miss(self, rays: Floats) -> Floats:
+        """By how much rays pass beside the centre, in radii."""
+        return np.asarray(np.linalg.norm(np.cross(rays, self.centre), axis=-1))
+
+    def _incidence(self, rays: Floats) -> tuple[Floats, Floats]:
+        miss = self._miss(rays)
+        # The first of the two points at distance 1 from the centre; its normal points from there.
+        cosine = np.sqrt((1.0 - miss) * (1.0 + miss))
+        normal = rays * (rays @ self.centre - cosine)[..., None] - self.centre
+        return cosine, picture_angle(rays, np.cross(rays, normal))

@@ -1,0 +1,77 @@
+"""The board's corners in one photograph: what runs inside the decoding worker."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reflectance_fit.capture.board import Board
+from reflectance_fit.capture.overview import overview
+from reflectance_fit.capture.reading import Reading, read_frame
+from reflectance_fit.errors import ReflectanceFitError
+
+FloatArray = NDArray[np.float64]
+
+MIN_CORNERS = 8  # a pose has six unknowns, and what is left must show an outlier
+# Brighter than all but this share of the pixels is white: the lamp's reflection is not.
+_WHITE_PERCENTILE = 98.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Corners:
+    """Identifiers, shape (N,), and places in raw sensor pixels, shape (N, 2); ``shape`` is the picture's (h, w)."""
+
+    ids: NDArray[np.int64]
+    xy: FloatArray
+    shape: tuple[int, int]
+
+
+def corners_in_file(path: Path, reading: Reading, board: Board) -> Corners:
+    """Decode one file and find the board's corners; ReflectanceFitError where there are too few."""
+    return find_corners(*overview(read_frame(path, reading)), board)
+
+
+def find_corners(picture: FloatArray, origin: tuple[float, float], step: int, board: Board) -> Corners:
+    """The corners that ``picture`` shows.
+
+    Parameters
+    ----------
+    picture : float, shape (h, w)
+        Linear values above black.
+    origin : x, y
+        Where the centre of its first pixel is on the sensor.
+    step : int
+        Raw pixels from one of its pixels to the next.
+    board : Board
+
+    Raises
+    ------
+    ReflectanceFitError
+        When fewer than 8 corners are found, or all are on one line.
+    """
+    import cv2
+
+    white = float(np.percentile(picture, _WHITE_PERCENTILE))
+    if white <= 0:
+        raise ReflectanceFitError("is too dark to show the board")
+    # The root is nearer to what detectors are made for; a corner is alike in both, so it does not move it.
+    grey = np.round(255 * np.sqrt(np.clip(picture / white, 0.0, 1.0))).astype(np.uint8)
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    detector = cv2.aruco.CharucoDetector(board.opencv(), cv2.aruco.CharucoParameters(), parameters)
+    # None without a board, whatever the annotations say; (N, 1, 2) before OpenCV 5, (N, 2) since.
+    corners, ids, _, _ = detector.detectBoard(grey)
+    xy = np.zeros((0, 2)) if corners is None else np.asarray(corners, dtype=np.float64).reshape(-1, 2)
+    numbers = np.zeros(0, np.int64) if ids is None else np.asarray(ids, dtype=np.int64).reshape(-1)
+    rows = numbers // (board.squares[0] - 1)
+    columns = numbers % (board.squares[0] - 1)
+    if len(numbers) < MIN_CORNERS or np.ptp(rows) == 0 or np.ptp(columns) == 0:
+        raise ReflectanceFitError(
+            f"shows {len(numbers)} corners of the board, which is too few; "
+            "show more of it, in focus and evenly lit, or check charuco in the manifest"
+        )
+    height, width = picture.shape
+    return Corners(numbers, xy * step + np.array(origin), (height * step, width * step))
