@@ -46,6 +46,7 @@ def test_glass_is_a_dielectric_with_an_upper_limit_on_k(rows_of, priors):
     found = fit(scan(rows_of, 1.5, 0.0, 0.003), priors)
     assert found.optimum.model == "dielectric"
     assert found.chosen_because.startswith("k adds nothing")
+    assert "nlopt" in found.optimum.optimizer  # has had its look at the chosen model
     assert [c.name for c in found.candidates] == ["dielectric", "conductor"]
     assert found.loo.rival == "conductor"
     assert found.loo.agrees
