@@ -144,7 +144,11 @@ def test_write_hashes_keeps_what_a_person_wrote(capture, tmp_path):
     capture.write_text(text)
     said = []
     workflow.ingest_to_file(
-        capture, tmp_path / "o.nc", write_hashes=True, progress=lambda *what: said.append(what)
+        capture,
+        tmp_path / "o.nc",
+        write_hashes=True,
+        pictures=False,
+        progress=lambda *what: said.append(what),
     )
     new = capture.read_text()
     assert new.startswith("# my rig\n")
@@ -163,7 +167,9 @@ def test_write_hashes_keeps_what_a_person_wrote(capture, tmp_path):
     assert read(capture).measurement.warnings == ()
     assert read_observations(tmp_path / "o.nc").warnings == ()
     again = capture.read_bytes()
-    workflow.ingest_to_file(capture, tmp_path / "o.nc", write_hashes=True, progress=lambda *_: None)
+    workflow.ingest_to_file(
+        capture, tmp_path / "o.nc", write_hashes=True, pictures=False, progress=lambda *_: None
+    )
     assert capture.read_bytes() == again
 
 
