@@ -5,19 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 
 from reflectance_fit.capture.balance import check_balance
 from reflectance_fit.capture.bins import Bins, Mask
-from reflectance_fit.capture.brackets import brackets, merged
+from reflectance_fit.capture.brackets import merged
 from reflectance_fit.capture.calibrate import Calibrated, calibrate
 from reflectance_fit.capture.frames import Capture, Exposure, Frame, Sphere, Stated, darks_for, flats_for
 from reflectance_fit.capture.geometry import bins_of
 from reflectance_fit.capture.hot import find_hot
-from reflectance_fit.capture.linearity import complaints, departures
+from reflectance_fit.capture.linearity import nonlinear
 from reflectance_fit.capture.noise_frames import compare_files, pairs_of, transfer_of
 from reflectance_fit.capture.observe import angle_rows, flat_rows
 from reflectance_fit.capture.polarizer_frames import with_polarizer
@@ -104,7 +103,7 @@ def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
     white = [
         _flat_alone(capture, flat, settings, means) for flat in capture.role("flat") if flat.path in means
     ]
-    notes += [Note("NOT_LINEAR", text) for text in _nonlinear([*samples, *white])]
+    notes += [Note("NOT_LINEAR", text) for text in nonlinear([*samples, *white])]
     if any(frame.sha256 is None for frame in capture.frames):
         notes.append(
             Note("NO_HASHES", "a damaged photograph can pass unnoticed; ingest --write-hashes states them")
@@ -294,16 +293,6 @@ def _flat_alone(
     darks = [means[d.path] for d in darks_for(flat, capture.frames, settings) if d.path in means]
     own = means[flat.path]
     return calibrate(capture, flat, settings[flat.path], own.bins[0], own, darks, [])
-
-
-def _nonlinear(frames: Sequence[Calibrated]) -> Iterator[str]:
-    """What is to be said of views seen at several exposures."""
-    for view in brackets(frames):
-        alike = [s for s in view if s.bins == view[0].bins]
-        for plane in view[0].signals:
-            found = departures([(s.exposure.seconds or Fraction(1), s.signals[plane]) for s in alike])
-            files = ", ".join(s.frame.file for s in alike)
-            yield from complaints(found, f"{files}, {plane.channel}")
 
 
 def _check_planes(capture: Capture, means: Mapping[Path, FrameMeans]) -> None:
