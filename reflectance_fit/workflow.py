@@ -31,7 +31,7 @@ from reflectance_fit.inputs import sha256_of
 from reflectance_fit.measured import Measurement, Note
 from reflectance_fit.measurement.manifest import Manifest
 from reflectance_fit.measurement.read import read_measurement
-from reflectance_fit.observations import Flag
+from reflectance_fit.observations import Flag, Observations
 from reflectance_fit.observations_columns import observations_schema
 from reflectance_fit.observations_file import read_observations, write_observations
 from reflectance_fit.report.build import build_report
@@ -40,6 +40,7 @@ from reflectance_fit.report.schema import Report
 from reflectance_fit.report.write import report_yaml, write_text
 from reflectance_fit.result import Fit
 from reflectance_fit.strict_yaml import load
+from reflectance_fit.views import ViewMaps
 from reflectance_fit.yaml_edit import write_hashes_into
 
 Progress = Callable[[str, int, int], None]
@@ -48,6 +49,8 @@ Progress = Callable[[str, int, int], None]
 _PICTURE = re.compile(
     r"(fit|residuals|corner|trace|autocorrelation|rank|prior_posterior|schlick|spectrum)(-[\w.-]+)?\.(png|svg)"
 )
+
+_VIEW = re.compile(r"view-\d+\.(png|svg)")
 
 # A spectrum of more channels gets the importance rung: emcee would take minutes.
 _FEW_CHANNELS = 16
@@ -146,6 +149,7 @@ def fit(
                 Note("SATURATED", f"{channel} is left out: all of its {len(rows)} rows are saturated")
             )
             continue
+        _check_signals(channel, rows.used, measurement)
         fits.append(
             fit_channel(
                 channel,
@@ -186,6 +190,18 @@ def fit(
         sample_note=measurement.sample_note,
     )
     return FitResult(report, tuple(fits))
+
+
+def _check_signals(channel: str, used: Observations, measurement: Measurement) -> None:
+    """A gain is positive, so some reading of its group must be."""
+    dark = [
+        group
+        for group in np.unique(used.gain_group)
+        if group and np.max(used.value[used.gain_group == group]) <= 0
+    ]
+    if dark:
+        message = f"{channel}: no reading of gain group '{dark[0]}' is above 0; is it the right column, or is dark taken off twice?"
+        raise ReflectanceFitError(Problem(str(measurement.path), None, message))
 
 
 def _check_fixed(model: str, measurement: Measurement) -> None:
@@ -242,20 +258,50 @@ def fit_to_folder(
     return result
 
 
-def ingest_to_file(source: Path, out: Path, *, write_hashes: bool, progress: Progress) -> Ingested:
+def ingest_to_file(
+    source: Path, out: Path, *, write_hashes: bool, pictures: bool, progress: Progress
+) -> Ingested:
     """Read the photographs of a capture.yaml and write their observations to ``out``.
 
     With ``write_hashes`` the sha256 of every frame is written into the
-    capture.yaml first.
+    capture.yaml first.  With ``pictures`` what each view shows is drawn into
+    the folder ``pictures_of(out)``, in place of earlier pictures.
     """
     check_writable(out.parent)
+    folder = pictures_of(out)
+    if pictures:
+        check_writable(folder)
     if write_hashes:
         capture = read_capture(source)
         hashes = {frame.file: sha256_of(frame.path) for frame in capture.frames}
         write_whole(source, lambda part: write_hashes_into(source, part, hashes))
-    ingested = ingest(read_capture(source), progress=progress)
-    write_observations(ingested.measurement, out)
-    return ingested
+    capture = read_capture(source)
+    if not pictures:
+        ingested = ingest(capture, progress=progress)
+        write_observations(ingested.measurement, out)
+        return ingested
+    results: list[Ingested] = []
+
+    def fill(stage: Path) -> None:
+        from reflectance_fit.plot.style import save
+        from reflectance_fit.plot.views import draw_view
+
+        number = itertools.count(1)
+
+        def seen(view: ViewMaps) -> None:
+            save(draw_view(view), stage, f"view-{next(number):02d}")
+
+        results.append(ingest(capture, progress=progress, seen=seen))
+        write_observations(results[0].measurement, out)
+
+    earlier = [path for path in folder.glob("*") if _VIEW.fullmatch(path.name)]
+    write_together(folder, fill, last="view-01.png", superseded=earlier)
+    return results[0]
+
+
+def pictures_of(out: Path) -> Path:
+    """The folder of pictures beside an OBS.nc: OBS-pictures."""
+    return out.with_name(f"{out.stem}-pictures")
 
 
 def _measurement(source: Capture | Path | str, progress: Progress | None) -> Measurement:

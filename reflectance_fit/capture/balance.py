@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from reflectance_fit.capture.calibrate import Calibrated, Signals
-from reflectance_fit.capture.frames import Capture
+from reflectance_fit.capture.dofp_cells import BEYOND
+from reflectance_fit.capture.frames import Capture, Frame
+from reflectance_fit.capture.reduce import FrameMeans
 from reflectance_fit.capture.stokes_pixels import redundancy
 from reflectance_fit.measured import Note
 
 # Flats of a good sensor leave less; a lamp that drifts, a layout or a tone curve not as stated leave more.
 LARGEST_IMBALANCE = 0.01
 _CLEAR = 5.0  # standard deviations
+LARGEST_SHARE = 0.01  # of the cells of a frame
 
 
 def check_balance(capture: Capture, samples: Sequence[Calibrated]) -> list[Note]:
@@ -36,6 +40,28 @@ def check_balance(capture: Capture, samples: Sequence[Calibrated]) -> list[Note]
             )
             notes.append(Note("IMBALANCE", message))
     return notes
+
+
+def check_cells(capture: Capture, means: Mapping[Path, FrameMeans]) -> list[Note]:
+    """A note for each channel of a sensor with polarizers of whose cells more than 1 % are uneven by themselves."""
+    notes = []
+    for channel in dict.fromkeys(c for m in means.values() for c in m.uneven):
+        counts = {
+            f.file: means[f.path].uneven[channel] for f in capture.frames if channel in _uneven(means, f)
+        }
+        shares = {file: beyond / cells for file, (beyond, cells) in counts.items() if cells}
+        worst = max(shares, key=lambda file: shares[file], default="")
+        if shares and shares[worst] > LARGEST_SHARE:
+            message = (
+                f"{100 * shares[worst]:.1f} % of the cells of {worst}, {channel}, have I0 + I90 unlike I45 + I135 by over"
+                f" {BEYOND:g} sd: pixels that respond unlike, edges or dust; use camera.gain_map, or another region"
+            )
+            notes.append(Note("IMBALANCE", message))
+    return notes
+
+
+def _uneven(means: Mapping[Path, FrameMeans], frame: Frame) -> dict[str, tuple[int, int]]:
+    return means[frame.path].uneven if frame.path in means else {}
 
 
 def _fours(channel: str, samples: Sequence[Calibrated]) -> Iterator[tuple[str, list[Signals], list[float]]]:

@@ -93,10 +93,10 @@ def calibrate(
     """
     signals = {}
     for plane, own in means.over(bins).items():
-        channel = _channel(frame, plane)
+        channel = channel_of(frame, plane)
         if channel is None:
             continue
-        noise = _noise(capture, channel, plane, means, darks, [flat[0] for flat in flats])
+        noise = _noise(capture, frame, plane, means, darks, [flat[0] for flat in flats])
         value, variance = _minus_darks(own, noise, [d.over(bins)[plane] for d in darks])
         seconds = float(exposure.seconds or math.nan)
         value, variance = value / seconds, variance / seconds**2
@@ -139,28 +139,39 @@ def _is_saturated(means: PlaneMeans) -> NDArray[np.bool_]:
     return np.asarray(means.saturated > SATURATED_SHARE * means.pixels)
 
 
-def _channel(frame: Frame, plane: Plane) -> str | None:
+def channel_of(frame: Frame, plane: Plane) -> str | None:
     """The manifest's name of what a plane of the file sees; None for what the frame is not used for."""
     name = frame.channels[0] if plane.channel == "mono" else plane.channel
     return name if name in frame.channels else None
 
 
+def pixel_noise(capture: Capture, frame: Frame) -> dict[str, tuple[float, float]]:
+    """(a, b) of a pixel's variance a * mean + b, DN^2, by the manifest, else by pairs; by channel of the sensor."""
+    found = {channel: (t.slope, t.floor) for channel, t in capture.transfer.items()}
+    for channel, noise in (capture.noise or {}).items():
+        read_dn = noise.read_noise_e / noise.gain_e_per_dn
+        found[channel] = (1 / noise.gain_e_per_dn, read_dn**2 + QUANTISATION)
+    # A sensor without colour filters sees whichever channel the frame is for.
+    only = frame.channels[0]
+    return found | {"mono": found[only]} if only in found else found
+
+
 def _noise(
     capture: Capture,
-    channel: str,
+    frame: Frame,
     plane: Plane,
     means: FrameMeans,
     darks: Sequence[FrameMeans],
     flats: Sequence[FrameMeans],
 ) -> tuple[float, float]:
     """(a, b) of a pixel's variance a * mean + b, DN^2: the manifest's, the file's, that of pairs or flats, or NaN."""
+    stated = pixel_noise(capture, frame)
     if capture.noise is not None:
-        noise = capture.noise[channel]
-        return 1 / noise.gain_e_per_dn, (noise.read_noise_e / noise.gain_e_per_dn) ** 2 + QUANTISATION
+        return stated[plane.channel]
     if means.noise is not None and plane.channel in means.noise:
         return means.noise[plane.channel]
-    if channel in capture.transfer:
-        return capture.transfer[channel].slope, capture.transfer[channel].floor
+    if plane.channel in stated:
+        return stated[plane.channel]
     if not flats:
         return math.nan, math.nan
     # How neighbours differ holds the pixels' own differences too, so this errs to the large side.

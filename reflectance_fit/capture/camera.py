@@ -32,6 +32,11 @@ class Camera:
     k1: float = 0.0
     k2: float = 0.0
 
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width of the picture whose middle the principal point is."""
+        return round(2 * self.cy + 1), round(2 * self.cx + 1)
+
     def rays(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Unit vectors from the camera through pixels, shape S + (3,) for x and y of shape S."""
         seen_x, seen_y = (x - self.cx) / self.focal_px, (y - self.cy) / self.focal_px
@@ -43,6 +48,13 @@ class Camera:
                 u, v = seen_x / stretch, seen_y / stretch
         length = np.sqrt(u * u + v * v + 1.0)
         return np.stack([u / length, v / length, 1.0 / length], axis=-1)
+
+    def pixels(self, rays: FloatArray) -> FloatArray:
+        """``rays`` backwards: where directions before the camera are seen, shape (..., 3) to (..., 2)."""
+        at = rays[..., :2] / rays[..., 2:]
+        square = np.sum(at**2, axis=-1, keepdims=True)
+        stretched = at * (1.0 + square * (self.k1 + square * self.k2))
+        return np.asarray(self.focal_px * stretched + np.array([self.cx, self.cy]))
 
 
 def incidence(rays: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:

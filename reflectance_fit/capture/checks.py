@@ -1,4 +1,4 @@
-"""What a capture.yaml may not say: what contradicts itself, and what this version cannot do yet."""
+"""What a capture.yaml may not say: what contradicts itself."""
 
 from __future__ import annotations
 
@@ -18,27 +18,6 @@ BAYER = ("R", "G", "B")
 NOT_RAW = frozenset(
     (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".gif", ".webp", ".heic", ".heif", ".exr", ".avif")
 )
-
-
-def check_supported(manifest: Manifest, document: Document) -> None:
-    """ReflectanceFitError with a line for each thing asked for that is not supported yet."""
-    problems = [
-        document.problem(place, f"{'.'.join(map(str, place))}: {what} not supported yet")
-        for place, what in _unsupported(manifest)
-    ]
-    if problems:
-        raise ReflectanceFitError(problems)
-
-
-def _unsupported(m: Manifest) -> Iterator[Finding]:
-    """The one list of refusals: (place, subject and verb)."""
-    if m.geometry.kind == "charuco":
-        yield ("geometry", "kind"), "angles from a ChArUco board are"
-    if m.geometry.sphere == "detect":
-        yield ("geometry", "sphere"), "finding the ball is"
-    for i, frame in enumerate(m.frames):
-        if frame.role == "geometry":
-            yield ("frames", i, "role"), f"the role {frame.role} is"
 
 
 def contradictions(manifest: Manifest, document: Document) -> list[Problem]:
@@ -134,6 +113,15 @@ def _geometry(m: Manifest) -> Iterator[Finding]:
             # Linear light would have to turn with the plane of incidence around the ball.
             if light and any(light.vector()[1:3]):
                 yield place, "light on a ball must be alike from all sides: unpolarized or circular"
+    if kind == "charuco":
+        sampled = [(i, f) for i, f in enumerate(m.frames) if f.role == "sample"]
+        for i, frame in sampled:
+            if frame.region is None and m.region is None:
+                yield ("frames", i), "region is missing; say where on the board the sample is seen"
+    elif kind == "stated":
+        for i, frame in enumerate(m.frames):
+            if frame.role == "geometry":
+                yield ("frames", i, "role"), "geometry belongs to kind: charuco or sphere: detect; remove it"
     stated = [f.s_axis_deg is not None for f in m.frames if f.role == "sample"]
     if kind == "stated" and m.geometry.s_axis_deg is None and not all(stated):
         message = "s_axis_deg is missing; add the angle from the picture's horizontal to s"

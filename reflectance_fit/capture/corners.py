@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.capture.board import Board
+from reflectance_fit.capture.overview import overview
+from reflectance_fit.capture.reading import Reading, read_frame
 from reflectance_fit.errors import ReflectanceFitError
 
 FloatArray = NDArray[np.float64]
@@ -24,6 +27,11 @@ class Corners:
     ids: NDArray[np.int64]
     xy: FloatArray
     shape: tuple[int, int]
+
+
+def corners_in_file(path: Path, reading: Reading, board: Board) -> Corners:
+    """Decode one file and find the board's corners; ReflectanceFitError where there are too few."""
+    return find_corners(*overview(read_frame(path, reading)), board)
 
 
 def find_corners(picture: FloatArray, origin: tuple[float, float], step: int, board: Board) -> Corners:

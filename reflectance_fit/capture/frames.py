@@ -9,7 +9,9 @@ from fractions import Fraction
 from pathlib import Path
 from typing import NamedTuple
 
-from reflectance_fit.capture.manifest import Role
+from reflectance_fit.capture.board import Board
+from reflectance_fit.capture.camera import Camera, Vector
+from reflectance_fit.capture.manifest import Registration, Role
 from reflectance_fit.capture.photon_transfer import PhotonTransfer
 from reflectance_fit.capture.reading import Reading
 from reflectance_fit.priors import Prior
@@ -41,6 +43,7 @@ class Stated:
     """Every frame states its angle; ``s_axis_deg`` is NaN where only frames state it."""
 
     s_axis_deg: float
+    camera: Camera | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +52,58 @@ class Sphere:
 
     center_px: tuple[float, float]
     radius_px: float
+    radius_sigma_px: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class SphereSought:
+    """A ball that is still to be found in the photographs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ball:
+    """A ball in perspective: the cone of rays that it fills, and its half-angle's standard deviation; radians."""
+
+    camera: Camera
+    axis: Vector
+    half_angle: float
+    half_angle_sigma: float
+
+
+@dataclass(frozen=True, slots=True)
+class BoardSought:
+    """A flat sample on a board whose poses are still to be found."""
+
+    board: Board
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """What one photograph on a board shows of its sample.
+
+    ``view`` is a number alike for photographs of one pose, ``normal`` that of
+    the sample, towards the camera; ``edges`` are the rings of the angle of
+    incidence that the region spans, radians.
+    """
+
+    view: int
+    normal: Vector
+    edges: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class OnBoard:
+    """A flat sample on a board: the camera, and the pose of every sample frame that shows it.
+
+    ``common_sigma_deg`` is one standard deviation of what all angles are off by together.
+    """
+
+    camera: Camera
+    poses: Mapping[Path, Pose]
+    common_sigma_deg: float
+
+
+Geometry = Stated | Sphere | SphereSought | Ball | BoardSought | OnBoard
 
 
 class Exposure(NamedTuple):
@@ -92,6 +147,11 @@ class Frame:
     channels: tuple[str, ...]
     material: str | None = None
 
+    def box(self, shape: tuple[int, int]) -> tuple[int, int, int, int]:
+        """The region as far as a picture of (h, w) goes, one pixel at least."""
+        x0, y0, x1, y1 = self.region or (0, 0, shape[1], shape[0])
+        return x0, y0, max(min(x1, shape[1]), x0 + 1), max(min(y1, shape[0]), y0 + 1)
+
     def settings(self, found: Exposure) -> Exposure:
         """What the manifest states, else what was ``found`` in the file."""
         stated = self.exposure
@@ -129,9 +189,11 @@ class Capture:
     diattenuation: dict[str, float]
     polarizer_stated: bool
     retardance_deg: dict[str, float]
-    geometry: Stated | Sphere
+    geometry: Geometry
     light_shape: str
     light_uniform: bool
+    half_angle_deg: float
+    registration: Registration
     frames: tuple[Frame, ...]
     nuisances: dict[str, float | None] | None
     priors: dict[str, Prior]

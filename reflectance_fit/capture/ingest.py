@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import math
+import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
-from reflectance_fit.capture.balance import check_balance
-from reflectance_fit.capture.bins import Bins, Mask
+from reflectance_fit.capture.align import align
+from reflectance_fit.capture.balance import check_balance, check_cells
+from reflectance_fit.capture.bins import Bins, Mask, Shift
 from reflectance_fit.capture.brackets import merged
-from reflectance_fit.capture.calibrate import Calibrated, calibrate
-from reflectance_fit.capture.frames import Capture, Exposure, Frame, Sphere, Stated, darks_for, flats_for
+from reflectance_fit.capture.calibrate import Calibrated, calibrate, pixel_noise
+from reflectance_fit.capture.cells import box_over
+from reflectance_fit.capture.frames import Ball, Capture, Exposure, Frame, Sphere, darks_for, flats_for
 from reflectance_fit.capture.geometry import bins_of
 from reflectance_fit.capture.hot import find_hot
 from reflectance_fit.capture.linearity import nonlinear
+from reflectance_fit.capture.locate import locate
 from reflectance_fit.capture.noise_frames import compare_files, pairs_of, transfer_of
 from reflectance_fit.capture.observe import angle_rows, flat_rows
 from reflectance_fit.capture.polarizer_frames import with_polarizer
@@ -24,11 +26,13 @@ from reflectance_fit.capture.reduce import Changed, FrameMeans, reduce_file
 from reflectance_fit.capture.reference import check_references, references_for, relative_to
 from reflectance_fit.capture.saturation import clipped_alike
 from reflectance_fit.capture.settings import check_hashes, read_settings
+from reflectance_fit.capture.survey import survey, views_of
 from reflectance_fit.capture.workers import FrameError, Job, RawWorkers
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.inputs import sha256_of
 from reflectance_fit.measured import Measurement, Note
 from reflectance_fit.nuisances import nuisance_sigmas
+from reflectance_fit.views import ViewMaps
 
 Progress = Callable[[str, int, int], None]
 
@@ -52,23 +56,37 @@ class Ingested:
     told: tuple[str, ...]
 
 
-def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
+def ingest(
+    capture: Capture, *, progress: Progress | None = None, seen: Callable[[ViewMaps], None] | None = None
+) -> Ingested:
     """Decode, reduce and calibrate every frame of ``capture``.
 
-    ``progress`` is called with (what, frames done, frames in all).  Raises
+    ``progress`` is called with (what, frames done, frames in all), ``seen``
+    with what each view shows.  Raises
     ReflectanceFitError for hashes that do not match, unknown exposures, mixed
     ISO, files that are no raw photographs, and captures of which nothing is
     left.  A file that kills its decoder costs that frame and a warning.
     """
     settings = read_settings(capture)
     check_references(capture)
+    capture, rejected = locate(capture, progress)
     capture, first = _first_looks(capture, settings, progress)
-    jobs = _jobs(capture, settings, capture.role("sample"))
-    means, errors, hashes = _decode(capture, jobs, progress)
-    errors = first.errors | errors
+    jobs = _jobs(capture, settings, [f for f in capture.role("sample") if f.file not in rejected])
+    shifts, lost = _shifts(capture, [f for f in capture.role("sample") if f.file not in rejected], progress)
+    jobs = {path: bins for path, bins in jobs.items() if path not in lost}
+    with tempfile.TemporaryDirectory() as folder:
+        cells = {path: Path(folder) / f"{number}.npz" for number, path in enumerate(jobs)}
+        means, errors, hashes = _decode(capture, jobs, progress, shifts, cells)
+        there = [frame for frame in capture.role("sample") if frame.path in means]
+        looked = survey(capture, settings, {path: cells[path] for path in means}, there, seen)
+    if looked.mask:
+        again = {path: jobs[path] for path in means}
+        means, _, _ = _decode(capture, again, progress, shifts, masked=looked.mask)
+    errors = first.errors | lost | errors
     hashes |= {frame.path: sha256_of(frame.path) for frame in capture.frames if frame.path not in hashes}
     check_hashes(capture, hashes)
-    rejected = {frame.file: errors[frame.path] for frame in capture.frames if frame.path in errors}
+    rejected |= {frame.file: errors[frame.path] for frame in capture.frames if frame.path in errors}
+    rejected |= looked.rejected
     _check_planes(capture, means)
     _check_sizes(capture, settings, means, capture.role("sample"))
     unused_bits = _unused_bits(capture, means)
@@ -88,22 +106,24 @@ def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
     if not samples:
         problems = [Problem(str(capture.path), None, f"{file} {reason}") for file, reason in rejected.items()]
         raise ReflectanceFitError(problems)
-    rows_of = flat_rows if isinstance(capture.geometry, Stated) else angle_rows
+    rows_of = angle_rows if isinstance(capture.geometry, Sphere | Ball) else flat_rows
     views = merged(samples)
     observations = rows_of(capture, views)
     stated = capture.nuisances
     notes = [Note("ROWS_IGNORED", f"{file} {reason}") for file, reason in rejected.items()]
+    white = [
+        _flat_alone(capture, flat, settings, means) for flat in capture.role("flat") if flat.path in means
+    ]
+    notes += [Note("NOT_LINEAR", text) for text in nonlinear([*samples, *white])]
+    notes += looked.notes
     notes += check_balance(capture, views)
+    notes += check_cells(capture, means)
     if not all(
         _knows_noise(capture, means[s.frame.path], plane.channel) for s in samples for plane in s.signals
     ):
         message = "sigma is from how neighbouring pixels of the flats differ, their own differences included"
         if capture.role("flat"):
             notes.append(Note("SIGMA_ESTIMATED", f"{message}; take the flats and a dark in pairs"))
-    white = [
-        _flat_alone(capture, flat, settings, means) for flat in capture.role("flat") if flat.path in means
-    ]
-    notes += [Note("NOT_LINEAR", text) for text in nonlinear([*samples, *white])]
     if any(frame.sha256 is None for frame in capture.frames):
         notes.append(
             Note("NO_HASHES", "a damaged photograph can pass unnoticed; ingest --write-hashes states them")
@@ -119,8 +139,9 @@ def ingest(capture: Capture, *, progress: Progress | None = None) -> Ingested:
         inputs=(*capture.inputs, *((frame.file, hashes[frame.path]) for frame in capture.frames)),
         sample_note=capture.sample_note,
     )
-    used = set(jobs) | first.used
-    unused = frozenset(frame.file for frame in capture.frames if frame.path not in used)
+    # Frames of role geometry have served when they were not rejected.
+    used = set(jobs) | first.used | {frame.path for frame in capture.role("geometry")}
+    unused = frozenset(f.file for f in capture.frames if f.path not in used and f.file not in rejected)
     told = (*first.told, *unused_bits)
     return Ingested(capture, measurement, tuple(samples), rejected, unused, settings, told)
 
@@ -153,7 +174,7 @@ def _first_looks(
         first.told.extend(f"{channel}: {noise}" for channel, noise in capture.transfer.items())
     if lamp := capture.role("polarizer"):
         files = _jobs(capture, settings, lamp)
-        means, errors, hashes = _decode(capture, files, progress)
+        means, errors, hashes = _decode(capture, files, progress, {})
         check_hashes(capture, hashes)
         _check_planes(capture, means)
         _check_sizes(capture, settings, means, lamp)
@@ -187,10 +208,34 @@ def _jobs(
     return {path: tuple(bins) for path, bins in wanted.items()}
 
 
+def _shifts(
+    capture: Capture, frames: Sequence[Frame], progress: Progress | None
+) -> tuple[dict[Path, Shift], dict[Path, str]]:
+    """By frame its shift against the first of its view, and why others do not register."""
+    if capture.registration == "none":
+        return {}, {}
+    views = views_of(capture, frames)
+    samples = {view[0].path: bins_of(capture, view[0]).box() for view in views if view[0].region}
+    files = [[frame.path for frame in view] for view in views]
+    return align(files, capture.reading, capture.registration, samples, progress)
+
+
 def _decode(
-    capture: Capture, jobs: Mapping[Path, tuple[Bins, ...]], progress: Progress | None
+    capture: Capture,
+    jobs: Mapping[Path, tuple[Bins, ...]],
+    progress: Progress | None,
+    shifts: Mapping[Path, Shift],
+    cells: Mapping[Path, Path] | None = None,
+    masked: Mask | None = None,
 ) -> tuple[dict[Path, FrameMeans], dict[Path, str], dict[Path, str]]:
-    """Each file's means, why the others have none, and the sha256 of those that a worker read."""
+    """Each file's means, why the others have none, and the sha256 of those that a worker read.
+
+    ``cells`` are the files that their pictures over cells are written to,
+    ``masked`` are pixels left out beside the hot ones.
+    """
+    if not jobs:
+        return {}, {}, {}
+    box = box_over(one for bins in jobs.values() for one in bins)
     means: dict[Path, FrameMeans] = {}
     hashes: dict[Path, str] = {}
     frames = {frame.path: frame for frame in capture.frames}
@@ -198,12 +243,25 @@ def _decode(
     with RawWorkers() as workers:
         darks = [path for path in jobs if frames[path].role == "dark"]
         mask, errors = _hot(capture, darks, workers, progress)
+        if masked is not None:
+            mask = masked if mask is None or mask.shape != masked.shape else mask | masked
         left = [path for path in jobs if path not in errors]
 
         def work() -> Iterator[Job[FrameMeans | Changed]]:
             for path in left:
                 frame = frames[path]
-                args = capture.reading, frame.sha256, jobs[path], frame.role == "flat", None, mask
+                noise = pixel_noise(capture, frame) if frame.role == "sample" else None
+                is_flat, picture = frame.role == "flat", (box, cells[path]) if cells else None
+                args = (
+                    capture.reading,
+                    frame.sha256,
+                    jobs[path],
+                    is_flat,
+                    shifts.get(path),
+                    mask,
+                    noise,
+                    picture,
+                )
                 yield path, reduce_file, args
 
         for done, (path, answer) in enumerate(zip(left, workers.map(work()), strict=True), 1):
@@ -272,7 +330,8 @@ def _calibrated(
 
 
 def _knows_noise(capture: Capture, means: FrameMeans, channel: str) -> bool:
-    return capture.noise is not None or means.noise is not None or channel in capture.transfer
+    told = set(means.noise or ()) | set(capture.transfer)
+    return capture.noise is not None or channel in told or "mono" in told
 
 
 def _unused_bits(capture: Capture, means: Mapping[Path, FrameMeans]) -> list[str]:
@@ -323,16 +382,12 @@ def _check_sizes(
         others = {one.path: one for one in _served_by(capture, frame, settings) if one is not frame}
         own = [plane.pixels for plane in means[frame.path].over(bins).values()]
         if not sum(int(pixels.sum()) for pixels in own):
-            what = "ball" if isinstance(capture.geometry, Sphere) else "region"
+            what = "ball" if isinstance(capture.geometry, Sphere | Ball) else "region"
             message = f"{frame.file} does not show the {what}: it is outside the picture; correct it"
             problems.append(Problem(str(capture.path), frame.line, message))
         for other in others.values():
-            if other.path in means:
-                theirs = [plane.pixels for plane in means[other.path].over(bins).values()]
-                if not all(map(np.array_equal, own, theirs)):
-                    message = (
-                        f"{other.file} is not of the size of {frame.file}; use frames of one camera setting"
-                    )
-                    problems.append(Problem(str(capture.path), other.line, message))
+            if other.path in means and means[other.path].shape != means[frame.path].shape:
+                message = f"{other.file} is not of the size of {frame.file}; use frames of one camera setting"
+                problems.append(Problem(str(capture.path), other.line, message))
     if problems:
         raise ReflectanceFitError(sorted(set(problems), key=lambda p: p.line or 0))

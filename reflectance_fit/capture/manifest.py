@@ -75,6 +75,7 @@ Pixel = Annotated[int, Field(strict=True, ge=0)]
 Label = Annotated[Text, BeforeValidator(_label, json_schema_input_type=str | int)]
 Sha256 = Annotated[str, AfterValidator(_hexadecimal)]
 Region = Annotated[tuple[Pixel, ...], Field(min_length=4, max_length=4)]
+Registration = Literal["none", "translation", "euclidean"]
 Role = Literal["sample", "dark", "flat", "reference", "polarizer", "geometry"]
 
 
@@ -144,6 +145,10 @@ class Illumination(Polarization):
 
     shape: Literal["small", "surround"] = Field(
         default="small", description="small: a lamp; surround: light from all sides"
+    )
+    half_angle_deg: Annotated[Number, Field(ge=0, le=20)] = Field(
+        default=0.0,
+        description="Half-angle of the cone of light that one point of the picture collects",
     )
     uniform: bool = Field(
         default=False,
@@ -240,6 +245,10 @@ class Manifest(Subject):
     geometry: Geometry = Field(description="Where the angles of incidence come from")
     region: Region | None = Field(
         default=None, description="[x0, y0, x1, y1] in raw sensor pixels, x1 and y1 exclusive; default: all"
+    )
+    registration: Registration | None = Field(
+        default=None,
+        description="How frames of one view may be shifted against each other; default: by the geometry",
     )
     frames: Annotated[tuple[FrameEntry, ...], Field(min_length=1)] = Field(
         description="One entry a photograph"

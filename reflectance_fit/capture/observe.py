@@ -4,42 +4,90 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.capture.calibrate import Calibrated, FloatArray, Signals
-from reflectance_fit.capture.frames import Capture, Frame
-from reflectance_fit.capture.geometry import SECTORS
+from reflectance_fit.capture.frames import Capture, Frame, OnBoard, Stated
+from reflectance_fit.capture.geometry import SECTORS, theta_sigma
+from reflectance_fit.capture.raw import Plane
+from reflectance_fit.capture.spread import Spread, over_cone, over_region
 from reflectance_fit.observations import Flag, Observations, Quantity, concatenate
 
 MIN_PIXELS = 20  # of a bin that holds one angle of many
 
 
 def flat_rows(capture: Capture, samples: Sequence[Calibrated]) -> Observations:
-    """One row a frame and plane, for a sample whose angle of incidence is stated."""
+    """One row a frame, plane and ring of angles, for a flat sample."""
     parts = []
     for channel in capture.channels:
         for sample in samples:
-            for plane, s in sample.of(channel):
-                frame = sample.frame
-                axis_deg = frame.analyzer_deg if plane.axis_deg is None else plane.axis_deg
-                rows = Rows(
-                    group=np.array([str(frame.gain_group)]),
-                    theta_deg=np.array([frame.theta_deg]),
-                    theta_deg_spread=np.zeros(1),
-                    analyzer_deg=np.array([axis_deg - frame.s_axis_deg]),
-                    modulation=np.ones(1),
-                    value=s.value,
-                    variance=s.variance,
-                    per_dn=s.per_dn,
-                    pixels=s.pixels,
-                    saturated=s.saturated,
-                    rejected=s.rejected,
-                )
-                parts.append(_observations(capture, channel, frame, rows))
+            for plane, signals in sample.of(channel):
+                rows = _stated(capture, sample.frame, plane, signals)
+                if isinstance(capture.geometry, OnBoard):
+                    rows = _measured(capture.geometry, sample.frame, signals)
+                parts.append(_observations(capture, channel, sample.frame, rows))
     return concatenate(parts)
+
+
+def _stated(capture: Capture, frame: Frame, plane: Plane, signals: Signals) -> Rows:
+    """The angle that the manifest states, at the middle of the region."""
+    axis_deg = frame.analyzer_deg if plane.axis_deg is None else plane.axis_deg
+    theta, s_axis = math.radians(frame.theta_deg), math.radians(frame.s_axis_deg)
+    spread = Spread(theta, 0.0, 1.0)
+    geometry = capture.geometry
+    if isinstance(geometry, Stated) and geometry.camera is not None:
+        spread = over_region(frame.box(geometry.camera.shape), geometry.camera, theta, s_axis)
+    return Rows(
+        group=np.array([str(frame.gain_group)]),
+        # Bit by bit the stated angle where there is nothing to add.
+        theta_deg=np.array([frame.theta_deg + math.degrees(spread.theta - theta)]),
+        theta_deg_sigma=np.array([frame.theta_deg_sigma]),
+        theta_deg_spread=np.array([math.degrees(spread.width)]),
+        analyzer_deg=np.array([axis_deg - frame.s_axis_deg - math.degrees(spread.turn)]),
+        modulation=np.array([spread.modulation]),
+        value=signals.value,
+        variance=signals.variance,
+        per_dn=signals.per_dn,
+        pixels=signals.pixels,
+        saturated=signals.saturated,
+        rejected=signals.rejected,
+    )
+
+
+def _measured(board: OnBoard, frame: Frame, signals: Signals) -> Rows:
+    """The angles that the board tells, a ring a row; frames of one pose share a gain a ring."""
+    pose = board.poses[frame.path]
+    group = frame.gain_group or f"{frame.set}:view {pose.view}"
+    several = frame.gain_group is None and len(signals.pixels) > 1
+    rings = [f"{group}:ring {ring}" if several else group for ring in range(len(signals.pixels))]
+    seen = signals.pixels >= MIN_PIXELS
+
+    def of(name: str) -> FloatArray:
+        return np.asarray(getattr(signals, name)[seen])
+
+    theta = of("theta")
+    return Rows(
+        group=np.array(rings)[seen],
+        # To a thousandth of a degree, so that frames of one pose stand at one angle whatever their flats.
+        theta_deg=np.asarray(np.round(np.degrees(theta), 3), dtype=np.float64),
+        theta_deg_sigma=np.full(len(theta), frame.theta_deg_sigma),
+        theta_deg_spread=_degrees_of(of("theta_squared") - theta**2),
+        analyzer_deg=np.degrees(0.5 * np.arctan2(of("sin_2phi"), of("cos_2phi"))),
+        modulation=np.hypot(of("cos_2phi"), of("sin_2phi")),
+        value=of("value"),
+        variance=of("variance"),
+        per_dn=of("per_dn"),
+        pixels=np.asarray(signals.pixels[seen]),
+        saturated=np.asarray(signals.saturated[seen]),
+        rejected=np.asarray(signals.rejected[seen]),
+    )
+
+
+def _degrees_of(variance: FloatArray) -> FloatArray:
+    return np.degrees(np.sqrt(np.maximum(variance, 0.0)))
 
 
 def angle_rows(capture: Capture, samples: Sequence[Calibrated]) -> Observations:
@@ -60,7 +108,7 @@ def angle_rows(capture: Capture, samples: Sequence[Calibrated]) -> Observations:
             pooled += [signals for _, signals in sample.of(channel)]
         for frame, pooled in kinds.values():
             if pooled:
-                parts.append(_observations(capture, channel, frame, _pool(pooled, frame)))
+                parts.append(_observations(capture, channel, frame, _pool(capture, pooled, frame)))
     return concatenate(parts)
 
 
@@ -70,6 +118,7 @@ class Rows:
 
     group: NDArray[np.str_]
     theta_deg: FloatArray
+    theta_deg_sigma: FloatArray
     theta_deg_spread: FloatArray
     analyzer_deg: FloatArray
     modulation: FloatArray
@@ -81,7 +130,7 @@ class Rows:
     rejected: NDArray[np.bool_]
 
 
-def _pool(signals: Sequence[Signals], frame: Frame) -> Rows:
+def _pool(capture: Capture, signals: Sequence[Signals], frame: Frame) -> Rows:
     """Frames averaged bin by bin, weighted by pixels; clipped bins of a frame are left out of the average."""
     weight = np.stack([np.where(s.saturated, 0, s.pixels) for s in signals])
     total = weight.sum(axis=0)
@@ -102,7 +151,8 @@ def _pool(signals: Sequence[Signals], frame: Frame) -> Rows:
     return Rows(
         group=np.array([frame.gain_group or f"{frame.set}:ring {r}" for r in ring]),
         theta_deg=np.degrees(mean("theta")),
-        theta_deg_spread=np.degrees(np.sqrt(np.maximum(mean("theta_squared") - mean("theta") ** 2, 0.0))),
+        theta_deg_sigma=np.degrees(theta_sigma(capture, mean("theta"))),
+        theta_deg_spread=_degrees_of(mean("theta_squared") - mean("theta") ** 2),
         analyzer_deg=np.degrees(0.5 * np.arctan2(sin_2phi, cos_2phi)),
         modulation=np.hypot(cos_2phi, sin_2phi),
         value=mean("value"),
@@ -114,8 +164,26 @@ def _pool(signals: Sequence[Signals], frame: Frame) -> Rows:
     )
 
 
+def _widened(rows: Rows, half_angle: float) -> Rows:
+    """What each pixel collects comes from a cone of directions."""
+    if half_angle == 0.0:
+        return rows
+    theta = np.radians(rows.theta_deg)
+    cones = [over_cone(float(t), half_angle) for t in theta]
+    shift, width, modulation = np.array(
+        [(c.theta - t, c.width, c.modulation) for c, t in zip(cones, theta, strict=True)]
+    ).T
+    return replace(
+        rows,
+        theta_deg=rows.theta_deg + np.degrees(shift),
+        theta_deg_spread=np.hypot(rows.theta_deg_spread, np.degrees(width)),
+        modulation=rows.modulation * modulation,
+    )
+
+
 def _observations(capture: Capture, channel: str, frame: Frame, rows: Rows) -> Observations:
     n = len(rows.value)
+    rows = _widened(rows, math.radians(capture.half_angle_deg))
     sigma = np.sqrt(rows.variance)
     return Observations(
         channel=np.full(n, channel),
@@ -123,7 +191,7 @@ def _observations(capture: Capture, channel: str, frame: Frame, rows: Rows) -> O
         set=np.full(n, frame.set),
         gain_group=rows.group,
         theta_deg=rows.theta_deg,
-        theta_deg_sigma=np.full(n, frame.theta_deg_sigma),
+        theta_deg_sigma=rows.theta_deg_sigma,
         theta_deg_spread=rows.theta_deg_spread,
         analyzer_deg=rows.analyzer_deg,
         retarder_deg=np.full(n, frame.retarder_deg - frame.s_axis_deg),

@@ -112,8 +112,9 @@ def compare_pair(
 
     lost = (first >= clip) | (second >= clip) | (first == 0) | (second == 0)
     kept = blocks(lost).mean(axis=(1, 2)) <= _CLIPPED_SHARE
-    a, b = (blocks(image.astype(np.float64) - black)[kept] for image in (first, second))
-    mean_a, mean_b = a.mean(axis=(1, 2)), b.mean(axis=(1, 2))
+    # In float32 counts are good to 1e-3 DN, at half the memory.
+    a, b = (blocks(image.astype(np.float32) - np.float32(black))[kept] for image in (first, second))
+    mean_a, mean_b = (counts.mean(axis=(1, 2), dtype=np.float64) for counts in (a, b))
     if dark and len(a):
         # One level: the weights below would follow its scatter, and favour the blocks that came out dark.
         mean_a, mean_b = (np.full(len(a), mean.mean()) for mean in (mean_a, mean_b))
@@ -121,9 +122,9 @@ def compare_pair(
     return PairBlocks(
         signal=mean_a + scale**2 * mean_b,
         frames=np.full(len(a), 1 + scale**2),
-        variance=np.var((a - scale * b).reshape(len(a), side * side), axis=1, ddof=1),
+        variance=np.var(a - np.float32(scale) * b, axis=(1, 2), ddof=1, dtype=np.float64),
         level=(mean_a + mean_b) / 2,
-        fixed=np.mean(np.diff(a, axis=2) * np.diff(b, axis=2), axis=(1, 2)) / 2,
+        fixed=np.asarray(np.mean(np.diff(a, axis=2) * np.diff(b, axis=2), axis=(1, 2), dtype=np.float64) / 2),
         pixels=np.full(len(a), side * side),
     )
 

@@ -5,9 +5,22 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from reflectance_fit.capture.checks import check_supported, contradictions
-from reflectance_fit.capture.frames import WHITE, Capture, Channel, Exposure, Frame, Noise, Sphere, Stated
-from reflectance_fit.capture.manifest import Ball, Camera, FrameEntry, Manifest, read_manifest
+from reflectance_fit.capture.board import Board
+from reflectance_fit.capture.checks import contradictions
+from reflectance_fit.capture.frames import (
+    WHITE,
+    BoardSought,
+    Capture,
+    Channel,
+    Exposure,
+    Frame,
+    Geometry,
+    Noise,
+    Sphere,
+    SphereSought,
+    Stated,
+)
+from reflectance_fit.capture.manifest import Ball, Camera, FrameEntry, Manifest, Registration, read_manifest
 from reflectance_fit.capture.reading import Reading
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.inputs import existing, sha256_of
@@ -18,12 +31,10 @@ def read_capture(path: str | Path) -> Capture:
     """Read the manifest at ``path`` and find the files it names.
 
     Raises ReflectanceFitError: first for keys that are wrong by themselves,
-    then for what is not supported yet, then for all that contradicts itself
-    and all files that cannot be used.
+    then for all that contradicts itself and all files that cannot be used.
     """
     path = Path(path)
     manifest, document = read_manifest(path)
-    check_supported(manifest, document)
     problems = contradictions(manifest, document)
     paths = _find(manifest, document, problems)
     maps = _maps(manifest, document, problems)
@@ -52,6 +63,8 @@ def read_capture(path: str | Path) -> Capture:
         geometry=_geometry(manifest),
         light_shape=manifest.light.shape,
         light_uniform=manifest.light.uniform,
+        half_angle_deg=manifest.light.half_angle_deg,
+        registration=_registration(manifest),
         frames=tuple(
             _frame(manifest, entry, where, document.line(("frames", i)) or 0)
             for i, (entry, where) in enumerate(zip(manifest.frames, paths, strict=True))
@@ -123,12 +136,23 @@ def _by_channel(stated: float | dict[str, float], names: tuple[str, ...]) -> dic
     return dict.fromkeys(names, stated)
 
 
-def _geometry(manifest: Manifest) -> Stated | Sphere:
+def _geometry(manifest: Manifest) -> Geometry:
     geometry = manifest.geometry
     if isinstance(geometry.sphere, Ball):
         x, y = geometry.sphere.center_px
         return Sphere((x, y), geometry.sphere.radius_px)
+    if geometry.sphere is not None:
+        return SphereSought()
+    if geometry.charuco is not None:
+        across, down = geometry.charuco.squares
+        stated = geometry.charuco
+        return BoardSought(Board((across, down), stated.square_mm, stated.marker_mm, stated.dictionary))
     return Stated(_or_nan(geometry.s_axis_deg))
+
+
+def _registration(manifest: Manifest) -> Registration:
+    """What is stated; else a board is registered, and what may have no texture to hold on to is not."""
+    return manifest.registration or ("translation" if manifest.geometry.kind == "charuco" else "none")
 
 
 def _frame(manifest: Manifest, entry: FrameEntry, path: Path, line: int) -> Frame:

@@ -121,12 +121,14 @@ def _as_stated(frame: RawFrame, reading: Reading) -> RawFrame:
         return replace(frame, axes_deg=axes)
     # Each pixel of the Bayer cell is a 2 x 2 group with all four polarizers.
     colours = np.repeat(np.repeat(_pattern(reading), 2, axis=0), 2, axis=1)
+    profile = frame.noise_profile
     return replace(
         frame,
         channels=colours,
         axes_deg=np.tile(axes, (2, 2)),
         black=np.tile(frame.black, (2, 2)),
         white=np.tile(frame.white, (2, 2)),
+        noise_profile=profile and {str(colour): profile["mono"] for colour in colours.flat},
     )
 
 

@@ -7,15 +7,17 @@ the channel whose filter it has.  Values are DN above black.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.capture.bins import AngleBins, Bins, Mask, Region, Shift
+from reflectance_fit.capture.bins import AngleBins, Bins, Box, Mask, Region, Shift
+from reflectance_fit.capture.cells import cell_means
+from reflectance_fit.capture.dofp_cells import uneven_cells
 from reflectance_fit.capture.raw import Plane, RawFrame
 from reflectance_fit.capture.reading import Reading, read_frame
 from reflectance_fit.inputs import sha256_of
@@ -54,8 +56,10 @@ class FrameMeans:
     in DN^2, by the file's noise profile; None without one.  ``scatter`` maps a
     plane to its mean (DN above black) and the variance between neighbouring
     pixels, both over the middle half of the sensor.  ``clip`` maps a plane to
-    what counts as clipped, DN above black.  ``sha256`` is the file's, "" of a
-    frame that comes from none; ``unused_bits`` as in RawFrame.
+    what counts as clipped, DN above black.  ``shape`` is the sensor's, (h, w).
+    ``sha256`` is the file's, "" of a frame that comes from none;
+    ``unused_bits`` as in RawFrame.  ``uneven`` maps a channel to how many cells
+    fail the test of ``uneven_cells``, and to all.
     """
 
     bins: tuple[Bins, ...]
@@ -63,8 +67,10 @@ class FrameMeans:
     noise: dict[str, tuple[float, float]] | None
     scatter: dict[Plane, tuple[float, float]]
     clip: dict[Plane, float]
+    shape: tuple[int, int]
     sha256: str = ""
     unused_bits: int = 0
+    uneven: dict[str, tuple[int, int]] = field(default_factory=dict)
 
     def over(self, bins: Bins) -> dict[Plane, PlaneMeans]:
         """The planes' means over one of ``bins``."""
@@ -86,15 +92,29 @@ def reduce_file(
     is_flat: bool = False,
     shift: Shift | None = None,
     mask: Mask | None = None,
+    cell_noise: Mapping[str, tuple[float, float]] | None = None,
+    cells: tuple[Box, Path] | None = None,
 ) -> FrameMeans | Changed:
-    """Check, decode and reduce one file; ReflectanceFitError for what cannot be read."""
+    """Check, decode and reduce one file; ReflectanceFitError for what cannot be read.
+
+    ``cell_noise`` is the noise to test cells of polarizers with, for channels of which the file does not tell;
+    None: they are not tested.  ``cells`` are rows and columns to be seen as a CellPicture, and the file to write
+    that to.
+    """
     found = sha256_of(path)
     if stated_sha256 not in (None, found):
         return Changed(found)
     frame = read_frame(path, reading)
+    if cells is not None:
+        cell_means(frame, cells[0], shift).save(cells[1])
     # That frames differ in size is told by the capture as a whole.
     fitting = mask if mask is not None and mask.shape == frame.cfa.shape else None
-    return replace(reduce_frame(frame, bins, is_flat, shift, fitting), sha256=found)
+    means = reduce_frame(frame, bins, is_flat, shift, fitting)
+    uneven = {}
+    if cell_noise is not None and bins:
+        box = bins[0].box() if shift is None else shift.moved(bins[0].box())
+        uneven = uneven_cells(frame, box, (means.noise or {}) | dict(cell_noise), fitting)
+    return replace(means, sha256=found, uneven=uneven)
 
 
 def reduce_frame(
@@ -125,7 +145,8 @@ def reduce_frame(
     scatter = {plane: _scatter(frame, plane) for plane in frame.planes()}
     above = frame.clip - frame.black
     clip = {plane: min(float(above[site]) for site in frame.sites(plane)) for plane in frame.planes()}
-    return FrameMeans(bins, planes, noise, scatter, clip, unused_bits=frame.unused_bits)
+    height, width = frame.cfa.shape
+    return FrameMeans(bins, planes, noise, scatter, clip, (height, width), unused_bits=frame.unused_bits)
 
 
 def _scatter(frame: RawFrame, plane: Plane) -> tuple[float, float]:

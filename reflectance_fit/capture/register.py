@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft2, rfft2
 
-from reflectance_fit.capture.bins import Shift
+from reflectance_fit.capture.bins import Box, Shift
 from reflectance_fit.capture.raw import RawFrame
 
 Picture = NDArray[np.float32]
@@ -31,6 +31,7 @@ _SHADING, _CONTRAST = 6.0, 18.0
 # Interpolation between pixels shifts what is finer than this by up to 0.01 pixels.
 _SMOOTH = 1.5
 _MARGIN = 40  # beside which the local mean takes its pixels from one side only
+_BESIDE = 6
 _DARK = 0.02  # of the bright parts: logarithms below it would be those of noise
 _FLAT = 0.02  # spread of the logarithm below which there is no texture
 _ENOUGH = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-7)
@@ -79,8 +80,12 @@ def view_of(frame: RawFrame) -> View:
     return View(picture, pitch)
 
 
-def match(first: View, other: View, motion: Motion) -> Match:
+def match(first: View, other: View, motion: Motion, sample: Box | None = None) -> Match:
     """Where ``other`` shows what ``first`` shows, in sensor pixels.
+
+    A smooth sample mirrors a lamp: against what is around it, it is brighter
+    with one polarization and darker with the other, so its edges are compared
+    only where nothing else is found.  ``sample`` are its rows and columns.
 
     Enhanced correlation (Evangelidis and Psarakis, IEEE TPAMI 30, 1858, 2008)
     of the pictures without shading, from where their cross-correlation is
@@ -94,7 +99,24 @@ def match(first: View, other: View, motion: Motion) -> Match:
     margin = min(_MARGIN, *(side // 4 for side in one.shape))
     inside = np.zeros(one.shape, dtype=np.uint8)
     inside[margin:-margin, margin:-margin] = 1
-    right, down = _seed(one, two)
+    if sample is not None:
+        beside = inside.copy()
+        rows, columns = (_blocks(along, first.pitch) for along in sample)
+        beside[rows, columns] = 0
+        found = _climb(one, two, beside, motion, first.pitch)
+        if found.found:
+            return found
+    return _climb(one, two, inside, motion, first.pitch)
+
+
+def _blocks(along: slice, pitch: int) -> slice:
+    """The blocks that see the sensor pixels ``along``, and what is blurred into them or shifted a little."""
+    return slice(max(0, along.start // pitch - _BESIDE), -(-along.stop // pitch) + _BESIDE)
+
+
+def _climb(one: Picture, two: Picture, inside: NDArray[np.uint8], motion: Motion, pitch: int) -> Match:
+    """The largest correlation near where the pictures' cross-correlation is largest."""
+    right, down = _seed(one * inside, two * inside)
     seed = np.array([[1.0, 0.0, right], [0.0, 1.0, down]], dtype=np.float32)
     kind = cv2.MOTION_TRANSLATION if motion == "translation" else cv2.MOTION_EUCLIDEAN
     try:
@@ -102,11 +124,11 @@ def match(first: View, other: View, motion: Motion) -> Match:
     except cv2.error:  # it does not converge, or the pictures have nothing in common
         return Match(Shift(), 0.0)
     # The first pixel of a block is 0, the block's centre is not.
-    centre = (first.pitch - 1.0) / 2.0
+    centre = (pitch - 1.0) / 2.0
     (a, b, right), (c, d, down) = np.asarray(warp, dtype=np.float64).tolist()
     offset = (
-        first.pitch * right + centre * (1.0 - a - b),
-        first.pitch * down + centre * (1.0 - c - d),
+        pitch * right + centre * (1.0 - a - b),
+        pitch * down + centre * (1.0 - c - d),
     )
     return Match(Shift(((a, b), (c, d)), offset), max(float(correlation), 0.0))
 

@@ -48,7 +48,9 @@ def read_settings(capture: Capture) -> dict[Path, Exposure]:
         settings[frame.path] = frame.settings(found)
         if not settings[frame.path].seconds:
             problems.append(_at(capture, frame, "has no exposure time; state exposure_s"))
-    isos = sorted({s.iso for s in settings.values() if s.iso is not None})
+    # Of photographs that only show where the camera stood no value is used.
+    measured = [settings[f.path] for f in capture.frames if f.path in settings and f.role != "geometry"]
+    isos = sorted({s.iso for s in measured if s.iso is not None})
     if len(isos) > 1:
         text = ", ".join(f"{iso:g}" for iso in isos)
         message = f"the frames were taken at ISO {text}: their gains and noise differ; use one"

@@ -224,6 +224,7 @@ class Warning(_Part):
         "NO_HASHES",
         "TOLERANCE_FLOOR",
         "ROWS_IGNORED",
+        "MASKED",
         "IMBALANCE",
         "NOT_LINEAR",
     ]

@@ -1,7 +1,9 @@
 """Sensors with polarizers on their pixels: labels, rows, and what files of them may look like."""
 
+import json
 import math
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from reflectance_fit.capture.read import read_capture
 from reflectance_fit.capture.reading import Reading, _as_stated, _without_unused_bits
 from reflectance_fit.capture.reduce import Region, reduce_frame
 from reflectance_fit.data_synthetic.capture import write_capture
+from reflectance_fit.data_synthetic.dng import DngMetadata, write_dng
 from reflectance_fit.data_synthetic.spec import standard_spec
 from reflectance_fit.errors import ReflectanceFitError
 from reflectance_fit.physics.fresnel import amplitudes
@@ -218,3 +221,64 @@ def test_the_sense_of_the_axes_reverses_with_the_layout(tmp_path):
         means = {p.axis_deg: m.mean[0] for p, m in reduce_frame(frame, (Region(),)).over(Region()).items()}
         found = 0.5 * math.atan2(means[45.0] - means[135.0], means[0.0] - means[90.0])
         assert math.degrees(found) == pytest.approx(expected, abs=0.1)
+
+
+def lamp(folder, sources_deg, layout=LAYOUT, stated=True, response=(1.0, 1.0, 1.0, 1.0), true=LAYOUT):
+    """A capture of a dofp sensor with a polarized lamp; returns its path."""
+    frames = []
+    for number, source_deg in enumerate([None, *sources_deg]):
+        beam = unpolarized() if source_deg is None else linear(math.radians(source_deg))
+        mean = np.empty((64, 64))
+        for (y, x), axis in np.ndenumerate(np.array(true)):
+            mean[y::2, x::2] = response[2 * y + x] * 8000 * analyzer_signal(beam, math.radians(axis), 0.98)
+        cfa = np.rint(np.random.default_rng(number).normal(100 + mean, np.sqrt(mean + 4))).astype(np.uint16)
+        write_dng(
+            folder / f"{number}.dng", cfa, DngMetadata("MONO", 14, (100,) * 4, 16000, Fraction(1, 10), 100)
+        )
+        entry = {"file": f"{number}.dng", "theta_deg": 45}
+        if source_deg is not None:
+            entry = {"file": f"{number}.dng", "role": "polarizer"}
+            if stated:
+                entry["light"] = {"linear_deg": source_deg}
+        frames.append(entry)
+    camera = {
+        "sensor": "dofp",
+        "dofp_layout_deg": [list(row) for row in layout],
+        "channels": {"550": {"wavelength_nm": 550}},
+        "noise": {"gain_e_per_dn": 1, "read_noise_e": 2},
+    }
+    path = folder / "capture.yaml"
+    head = {"schema": "reflectance_fit/capture/1", "sample": {"name": "x"}, "camera": camera}
+    path.write_text(json.dumps(head | {"geometry": {"kind": "stated", "s_axis_deg": 0}, "frames": frames}))
+    return path
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_one_photograph_of_a_polarized_lamp_tells_the_leakage(tmp_path, stated):
+    found = ingest(read_capture(lamp(tmp_path, [20.0], stated=stated)))
+    assert found.capture.diattenuation["550"] == pytest.approx(0.98, abs=1e-3)
+    assert found.measurement.observations.diattenuation[0] == pytest.approx(0.98, abs=1e-3)
+
+
+def test_a_sensor_mounted_askew_is_put_right(tmp_path):
+    askew = tuple(tuple(axis + 1.5 for axis in row) for row in LAYOUT)
+    found = ingest(read_capture(lamp(tmp_path, [20.0], true=askew)))
+    np.testing.assert_allclose(
+        sorted(found.measurement.observations.analyzer_deg), [1.5, 46.5, 91.5, 136.5], atol=0.1
+    )
+
+
+def test_a_turning_source_does_not_mind_pixels_that_respond_unlike(tmp_path):
+    response = (1.0, 1.1, 0.95, 1.0)
+    turning = ingest(read_capture(lamp(tmp_path, range(0, 180, 30), response=response)))
+    assert turning.capture.diattenuation["550"] == pytest.approx(0.98, abs=1e-3)
+    (tmp_path / "one").mkdir()
+    one = ingest(read_capture(lamp(tmp_path / "one", [20.0], response=response)))
+    assert abs(one.capture.diattenuation["550"] - 0.98) > 5e-3
+    assert "IMBALANCE" in [note.code for note in turning.measurement.warnings]
+
+
+@pytest.mark.parametrize("layout", [((90.0, 135.0), (45.0, 0.0)), ((45.0, 90.0), (135.0, 0.0))])
+def test_a_wrong_layout_stops_the_reading(tmp_path, layout):
+    path = lamp(tmp_path, range(0, 180, 30), layout=layout)
+    assert "is dofp_layout_deg mirrored, or turned the other way?" in refusal(path)

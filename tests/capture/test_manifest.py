@@ -315,31 +315,6 @@ def test_images_that_are_not_raw(tmp_path, name):
 
 
 @pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        (
-            HEAD.replace(
-                "stated, s_axis_deg: 0",
-                "charuco, charuco: {squares: [11, 8], square_mm: 10, marker_mm: 7.5, dictionary: DICT_5X5_100}",
-            )
-            + FRAMES,
-            "4: geometry.kind: angles from a ChArUco board are not supported yet",
-        ),
-        (
-            HEAD.replace("stated, s_axis_deg: 0", "sphere, sphere: detect") + FRAMES,
-            "4: geometry.sphere: finding the ball is not supported yet",
-        ),
-        (
-            f"{HEAD}{FRAMES}  - {{file: b.dng, role: geometry}}\n",
-            "7: frames.1.role: the role geometry is not supported yet",
-        ),
-    ],
-)
-def test_what_is_not_supported_yet_is_said_alone(tmp_path, text, expected):
-    assert problem(tmp_path, text) == expected
-
-
-@pytest.mark.parametrize(
     ("schema", "expected"),
     [
         (
