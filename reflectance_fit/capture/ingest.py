@@ -6,18 +6,17 @@ import math
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from pathlib import Path
 
 from reflectance_fit.capture.align import align
 from reflectance_fit.capture.balance import check_balance, check_cells
 from reflectance_fit.capture.bins import Bins, Mask, Shift
-from reflectance_fit.capture.brackets import brackets, merged
+from reflectance_fit.capture.brackets import merged
 from reflectance_fit.capture.calibrate import Calibrated, calibrate, pixel_noise
 from reflectance_fit.capture.frames import Ball, Capture, Exposure, Frame, Sphere, darks_for, flats_for
 from reflectance_fit.capture.geometry import bins_of
 from reflectance_fit.capture.hot import find_hot
-from reflectance_fit.capture.linearity import complaints, departures
+from reflectance_fit.capture.linearity import nonlinear
 from reflectance_fit.capture.locate import locate
 from reflectance_fit.capture.noise_frames import compare_files, pairs_of, transfer_of
 from reflectance_fit.capture.observe import angle_rows, flat_rows
@@ -116,7 +115,7 @@ def ingest(
     white = [
         _flat_alone(capture, flat, settings, means) for flat in capture.role("flat") if flat.path in means
     ]
-    notes += [Note("NOT_LINEAR", text) for text in _nonlinear([*samples, *white])]
+    notes += [Note("NOT_LINEAR", text) for text in nonlinear([*samples, *white])]
     notes += check_balance(capture, views)
     notes += check_cells(capture, means)
     if not all(
@@ -345,16 +344,6 @@ def _flat_alone(
     darks = [means[d.path] for d in darks_for(flat, capture.frames, settings) if d.path in means]
     own = means[flat.path]
     return calibrate(capture, flat, settings[flat.path], own.bins[0], own, darks, [])
-
-
-def _nonlinear(frames: Sequence[Calibrated]) -> Iterator[str]:
-    """What is to be said of views seen at several exposures."""
-    for view in brackets(frames):
-        alike = [s for s in view if s.bins == view[0].bins]
-        for plane in view[0].signals:
-            found = departures([(s.exposure.seconds or Fraction(1), s.signals[plane]) for s in alike])
-            files = ", ".join(s.frame.file for s in alike)
-            yield from complaints(found, f"{files}, {plane.channel}")
 
 
 def _check_planes(capture: Capture, means: Mapping[Path, FrameMeans]) -> None:
