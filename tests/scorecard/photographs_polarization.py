@@ -21,6 +21,7 @@ from reflectance_fit.physics.fresnel import reflectances
 TILTS_DEG = (30.0, 45.0, 56.0, 65.0)
 LEAK = 0.96  # diattenuation: an extinction ratio of 49
 MOST_DOLP, MOST_AOLP_DEG = 2e-3, 0.05
+_APART_DEG = 0.3
 KINDS = ("analyzer before the lens", "polarizers on the pixels", "polarizers under colour filters", "TIFF")
 
 
@@ -76,9 +77,12 @@ def spec_of(kind: str, seed: int) -> CaptureSpec:
     if kind == KINDS[0]:
         return spec
     under_filters = kind == KINDS[2]
-    sensor = replace(spec.sensor, pattern="RGGB" if under_filters else "MONO", layout_deg=IMX250)
-    if under_filters:  # whole cells of 4 x 4 pixels
-        sensor = replace(sensor, height=sensor.height // 4 * 4)
+    sensor = replace(
+        spec.sensor,
+        height=spec.sensor.height // 4 * 4,  # whole cells
+        pattern="RGGB" if under_filters else "MONO",
+        layout_deg=IMX250,
+    )
     return replace(
         spec,
         sensor=sensor,
@@ -109,10 +113,10 @@ def lights(kind: str, seed: int) -> list[Light]:
 def _stokes(rows: Observations, of_view: FloatArray) -> FloatArray:
     """In the frame of s: each ring by weighted least squares, and their mean by pixels."""
     total, pixels = np.zeros(3), 0.0
-    # Rows of one ring are at one angle but for how many pixels of each plane it has.
-    ring = np.round(rows.theta_deg[of_view], 1)
-    for angle in np.unique(ring):
-        of_ring = np.flatnonzero(of_view)[np.abs(ring - angle) < 0.05]
+    # Rows of one ring are at one angle but for where the pixels of each plane are; rings are degrees apart.
+    number = np.flatnonzero(of_view)
+    number = number[np.argsort(rows.theta_deg[number])]
+    for of_ring in np.split(number, np.flatnonzero(np.diff(rows.theta_deg[number]) > _APART_DEG) + 1):
         phi, d = np.radians(rows.analyzer_deg[of_ring]), rows.diattenuation[of_ring]
         design = np.stack([np.ones_like(phi), d * np.cos(2 * phi), d * np.sin(2 * phi)], axis=1) / 2
         weight = 1 / rows.sigma[of_ring]
