@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from card import Figure
-from photographs_scenes import FloatArray, answers, board_spec, in_region, ingested
+from photographs_scenes import FOCAL_PX, SIZE, FloatArray, answers, board_spec, in_region, ingested
 
 from reflectance_fit.data_synthetic.rig import MONO_CHANNELS, STATED_DIATTENUATION, Faults, Setting
 from reflectance_fit.data_synthetic.spec import IMX250, CaptureSpec
@@ -35,7 +35,8 @@ class Light(NamedTuple):
 def about(*, full: bool) -> str:
     return (
         f"Polarization: boards at {', '.join(f'{t:g}' for t in TILTS_DEG)} deg, an analyzer of diattenuation {LEAK}, "
-        f"seeds 0 to {_seeds(full) - 1}; bias is the mean over seeds, the worst of views and channels is given."
+        f"seeds 0 to {_seeds(full) - 1}; bias is the mean over seeds, the worst of views and channels is given. "
+        "Of the sensor with polarizers under colour filters, pictures are twice as large."
     )
 
 
@@ -77,15 +78,19 @@ def spec_of(kind: str, seed: int) -> CaptureSpec:
     if kind == KINDS[0]:
         return spec
     under_filters = kind == KINDS[2]
+    # A cell of 4 x 4 pixels is one point of the picture that the board is looked for in.
+    finer = 2 if under_filters else 1
     sensor = replace(
         spec.sensor,
-        height=spec.sensor.height // 4 * 4,  # whole cells
+        width=finer * SIZE[0],
+        height=finer * SIZE[1],
         pattern="RGGB" if under_filters else "MONO",
         layout_deg=IMX250,
     )
     return replace(
         spec,
         sensor=sensor,
+        optics=replace(spec.optics, focal_px=finer * FOCAL_PX),
         settings=(Setting(None),),
         channels=spec.channels if under_filters else MONO_CHANNELS,
         files="tiff" if kind == "TIFF" else "dng",
