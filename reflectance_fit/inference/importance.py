@@ -1,7 +1,7 @@
 """The posterior by importance sampling, which judges itself, and by Laplace's approximation, which cannot.
 
 Draws of a t mixture (``proposal``) are weighted by posterior over proposal.
-The weights' Pareto k-hat (Vehtari et al., JMLR 25 (2024) 72, by arviz-stats)
+The weights' Pareto k-hat (``pareto``)
 says whether they can be trusted; where they cannot, emcee can.
 """
 
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.inference import proposal
+from reflectance_fit.inference import pareto, proposal
 from reflectance_fit.inference.proposal import Component, LogDensity
 
 FloatArray = NDArray[np.float64]
@@ -152,21 +152,16 @@ def _tempered(batch: _Batch) -> FloatArray:
 def _batch(
     log_density: LogDensity, components: Sequence[Component], count: int, generator: np.random.Generator
 ) -> _Batch:
-    from arviz_stats.base import array_stats
-
     x = proposal.draw(components, count, generator)
     density = log_density(x)
     ratio = density - np.logaddexp.reduce(proposal.log_pdf(components, x), axis=0)
     possible = np.isfinite(ratio)
-    if not possible.any():
-        raise NothingDrawn("no draw of the proposal has a finite posterior")
+    if np.count_nonzero(possible) < pareto.LEAST:
+        raise NothingDrawn("hardly any draw of the proposal has a finite posterior")
     # Draws of no probability weigh nothing; the smoothing is of the others' tail.
-    log_weights = np.full(count, -np.inf)
-    with np.errstate(all="ignore"):  # where nearly all weights are 0 it divides by them
-        smoothed, k = array_stats.psislw(-ratio[possible])  # it is made for the weights of leaving one out
-    if not np.isfinite(smoothed).any():
+    weights = np.zeros(count)
+    weights[possible], k = pareto.smoothed(ratio[possible])
+    # No power of so few speaks for a covariance matrix.
+    if np.count_nonzero(weights) <= _DRAWS_A_DIMENSION * x.shape[1]:
         raise NothingDrawn("hardly any draw of the proposal has a posterior worth counting")
-    log_weights[possible] = np.where(np.isfinite(smoothed), smoothed, -np.inf)
-    weights = np.exp(log_weights - log_weights.max())
-    # An infinite k-hat stands for weights of which only one counts.
-    return _Batch(x, density, weights / weights.sum(), float(k) if math.isfinite(k) else math.inf)
+    return _Batch(x, density, weights / weights.sum(), k)

@@ -23,10 +23,16 @@ from numpy.typing import NDArray
 
 from reflectance_fit.inference.derivatives import gradient_at_angle
 from reflectance_fit.inference.forward import FIRST_NUISANCE, FIRST_SIGMA, K, incidence, turns_of
-from reflectance_fit.inference.likelihood import cholesky_solve, evaluate_normal, stated_log_det
+from reflectance_fit.inference.likelihood import (
+    cholesky_solve,
+    deviances,
+    evaluate_normal,
+    stated_log_det,
+    whitened_residuals,
+)
 from reflectance_fit.inference.models import Model, search_ranges
 from reflectance_fit.inference.rows import LAST_POWER, Rows
-from reflectance_fit.physics.jit import inlined, kernel, pasted
+from reflectance_fit.physics.jit import inlined, shared
 from reflectance_fit.priors import NUISANCES, Prior
 
 FloatArray = NDArray[np.float64]
@@ -94,58 +100,58 @@ def _of_model(priors: tuple[Prior, ...], places: tuple[int, ...]) -> Problem:
     )
 
 
-@inlined
+@shared
 def fill_vector(problem: Problem, x: FloatArray, p: FloatArray) -> None:
     """The full vector of coordinates ``x``."""
+    template, places, logarithmic = problem.template, problem.places, problem.logarithmic
     for j in range(len(p)):
-        p[j] = problem.template[j]
+        p[j] = template[j]
     for j in range(len(x)):
-        p[problem.places[j]] = math.exp(x[j]) if problem.logarithmic[j] else x[j]
+        p[places[j]] = math.exp(x[j]) if logarithmic[j] else x[j]
 
 
-@pasted
+@inlined
 def objective(rows: Rows, problem: Problem, x: FloatArray, whitened: FloatArray, gains: FloatArray) -> float:
     """F at ``x``, inf outside of the model's domain; fills the whitened residuals and the gains."""
     p, spread = np.empty(len(problem.template)), np.empty(len(whitened))
     fill_vector(problem, x, p)
     chi2, log_det, _ = evaluate_normal(rows, p, whitened, spread, gains)
     value = chi2 + log_det - problem.stated
+    mean, weight = problem.mean, problem.weight
     for j in range(len(x)):
-        value += ((x[j] - problem.mean[j]) * problem.weight[j]) ** 2
+        value += ((x[j] - mean[j]) * weight[j]) ** 2
     return value if math.isfinite(value) else math.inf
 
 
-@kernel
 def objectives(rows: Rows, problem: Problem, points: FloatArray) -> FloatArray:
-    """F at each of D points, shape (D, P); the sigmas to be estimated are first set to what the residuals say."""
-    n = len(rows.value)
-    whitened, gains = np.empty(n), np.empty(rows.gains)
-    values = np.empty(len(points))
-    sums, counts = np.empty(points.shape[1]), np.empty(points.shape[1])
-    first = len(sums)
-    for j in range(len(sums) - 1, -1, -1):
-        if problem.places[j] >= FIRST_SIGMA:
-            first = j
-    for d in range(len(points)):
-        # Each by its closed form; gains and residuals change with the sigmas' ratios, hence twice.
-        for turn in range(3 if first < len(sums) else 1):
-            values[d] = objective(rows, problem, points[d], whitened, gains)
-            if turn == 2 or first == len(sums) or not math.isfinite(values[d]):
-                break
-            for j in range(len(sums)):
-                sums[j], counts[j] = 0.0, 0.0
-            for i in range(n):
-                if rows.estimated[i] >= 0 and not rows.censored[i]:
-                    sums[first + rows.estimated[i]] += whitened[i] ** 2
-                    counts[first + rows.estimated[i]] += 1
-            for j in range(first, len(sums)):
-                if sums[j] > 0:
-                    moved = points[d, j] + 0.5 * math.log(sums[j] / counts[j])
-                    points[d, j] = min(max(moved, problem.low[j]), problem.high[j])
-    return values
+    """F at each of D points, shape (D, P); the sigmas to be estimated are first set to what the residuals say.
+
+    numpy around the kernel of the likelihood: a kernel of its own would be compiled for seconds.
+    """
+    used = ~rows.censored
+    estimated = np.flatnonzero(problem.places >= FIRST_SIGMA)
+    # Each by its closed form; gains and residuals change with the sigmas' ratios, hence twice.
+    for _ in range(2 if len(estimated) else 0):
+        whitened = whitened_residuals(rows, _vectors(problem, points))
+        for j in estimated:
+            mine = used & (rows.estimated == problem.places[j] - FIRST_SIGMA)
+            square = np.mean(whitened[:, mine] ** 2, axis=1)
+            told = np.flatnonzero(square > 0)
+            moved = points[told, j] + 0.5 * np.log(square[told])
+            points[told, j] = np.clip(moved, problem.low[j], problem.high[j])
+    values = deviances(rows, _vectors(problem, points))
+    values += np.sum(((points - problem.mean) * problem.weight) ** 2, axis=1)
+    return np.where(np.isfinite(values), values, np.inf)
 
 
-@pasted
+def _vectors(problem: Problem, points: FloatArray) -> FloatArray:
+    """`fill_vector` of each of ``points``: shape (D, M)."""
+    vectors = np.repeat(problem.template[None], len(points), axis=0)
+    vectors[:, problem.places] = np.exp(points, out=points.copy(), where=problem.logarithmic)
+    return vectors
+
+
+@inlined
 def normal_equations(
     rows: Rows,
     problem: Problem,
@@ -162,66 +168,78 @@ def normal_equations(
     ``squared``, k is taken by its square.  Where the problem is not exact the
     gradient lacks what log det S and the angles' errors add.
     """
+    # Taken out of their tuples once: in a loop each time costs two atomic counts, more than all the arithmetic.
+    places, logarithmic, weight = problem.places, problem.logarithmic, problem.weight
+    code, censored, setting, theta_sigma = rows.code, rows.censored, rows.setting, rows.theta_sigma
+    gain_of, estimated, sigma, largest = rows.gain, rows.estimated, rows.sigma, rows.largest
     size = len(x)
     p = np.empty(len(problem.template))
     fill_vector(problem, x, p)
     rate = np.empty(size)  # dp / dx
     for j in range(size):
         rate[j], gradient[j] = 1.0, 0.0
-        for m in range(size):
-            curvature[j, m] = 0.0
-        if problem.logarithmic[j]:
-            rate[j] = p[problem.places[j]]
+        if logarithmic[j]:
+            rate[j] = p[places[j]]
         if squared and j == problem.square:
             p[K] = max(p[K], _SMALL_K)
             rate[j] = 0.5 / p[K]
     turns = turns_of(p)
-    by_p, row = np.empty(FIRST_SIGMA), np.empty(size)
+    n = len(whitened)
+    by_p, jacobian = np.empty(FIRST_SIGMA), np.zeros((size, n))
+    settings = rows.settings if rows.errors_in_angle else 0
     normal = np.zeros((rows.gains, rows.gains))
     mixed = np.zeros((rows.gains, size))
-    pull, coupling = np.zeros((rows.settings, size)), np.zeros((rows.settings, rows.gains))
-    steepness, error = np.zeros(rows.settings), np.zeros(rows.settings)
-    for i in range(len(whitened)):
-        if rows.censored[i]:
+    pull, coupling = np.zeros((settings, size)), np.zeros((settings, rows.gains))
+    steepness, error = np.zeros(settings), np.zeros(settings)
+    for i in range(n):
+        if censored[i]:
             continue
         c, s = incidence(rows, i, turns)
         c = max(c, 0.0)
         value = gradient_at_angle(rows, i, c, s, p, turns, problem.optics, by_p)
-        g = rows.gain[i]
+        g = gain_of[i]
         gain = gains[g] if g >= 0 else 1.0
-        e = rows.estimated[i]
-        sigma = rows.sigma[i] if e < 0 else math.exp(p[FIRST_SIGMA + e])
-        slope = gain * math.degrees(by_p[_OFFSET]) / sigma
-        if rows.code[i] <= LAST_POWER:
-            by_p[_DARK], by_p[_DIFFUSE] = 1 / gain, rows.largest[i] / gain
+        e = estimated[i]
+        inverse = 1 / (sigma[i] if e < 0 else math.exp(p[FIRST_SIGMA + e]))
+        scale = gain * inverse
+        if code[i] <= LAST_POWER:
+            by_p[_DARK], by_p[_DIFFUSE] = 1 / gain, largest[i] / gain
         for j in range(size):
-            place = problem.places[j]
+            place = places[j]
             if place < FIRST_SIGMA:
-                row[j] = -gain * by_p[place] * rate[j] / sigma
-                gradient[j] += row[j] * whitened[i]
+                jacobian[j, i] = -scale * by_p[place] * rate[j]
             elif place == FIRST_SIGMA + e:
                 # d^2/dx^2 of e^(-2x) r^2 + 2x is 4 r^2 where it is 0 on average, not the 2 r^2 of a sum of squares.
-                row[j] = -math.sqrt(2.0) * whitened[i]
-                gradient[j] += 1 - whitened[i] ** 2
-            else:
-                row[j] = 0.0
-            for m in range(j + 1):
-                curvature[j, m] += row[j] * row[m]
-        column = value / sigma if g >= 0 else 0.0
+                jacobian[j, i] = -math.sqrt(2.0) * whitened[i]
+        column = value * inverse if g >= 0 else 0.0
         if g >= 0:
             normal[g, g] += column * column
             for j in range(size):
-                mixed[g, j] += column * row[j]
-        if rows.theta_sigma[i] > 0:
-            a = rows.setting[i]
-            error[a] = rows.theta_sigma[i] ** 2
+                mixed[g, j] += column * jacobian[j, i]
+        if rows.errors_in_angle and theta_sigma[i] > 0:
+            a = setting[i]
+            slope = scale * math.degrees(by_p[_OFFSET])
+            error[a] = theta_sigma[i] ** 2
             steepness[a] += slope * slope
             for j in range(size):
-                pull[a, j] += slope * row[j]
+                pull[a, j] += slope * jacobian[j, i]
             if g >= 0:
                 coupling[a, g] += slope * column
+    # Row by row within each sum, not sum by sum within each row: sums stay in registers.
+    for j in range(size):
+        which = places[j] - FIRST_SIGMA
+        for i in range(n):
+            if which < 0:
+                gradient[j] += jacobian[j, i] * whitened[i]
+            elif which == estimated[i] and not censored[i]:
+                gradient[j] += 1 - whitened[i] ** 2
+        for m in range(j + 1):
+            total = 0.0
+            for i in range(n):
+                total += jacobian[j, i] * jacobian[m, i]
+            curvature[j, m] = total
     if rows.errors_in_angle:
-        for a in range(rows.settings):
+        for a in range(settings):
             share = error[a] / (1 + error[a] * steepness[a])
             for j in range(size):
                 for m in range(j + 1):
@@ -249,6 +267,6 @@ def normal_equations(
             for g in range(rows.gains):
                 curvature[j, m] -= mixed[g, j] * solved[g, m]
             curvature[m, j] = curvature[j, m]
-        scaled = problem.weight[j] * (rate[j] if squared and j == problem.square else 1.0)
+        scaled = weight[j] * (rate[j] if squared and j == problem.square else 1.0)
         curvature[j, j] += scaled * scaled
-        gradient[j] += (x[j] - problem.mean[j]) * problem.weight[j] * scaled
+        gradient[j] += (x[j] - problem.mean[j]) * weight[j] * scaled

@@ -58,7 +58,8 @@ class _Watched:
 
     def __call__(self, x: FloatArray, slope: FloatArray) -> float:
         self.evaluations += 1
-        value = float(self.objective(x))
+        # nlopt's vector is read-only: another type, for which kernels would be compiled once more.
+        value = float(self.objective(x.copy()))
         if slope.size and self.gradient is not None:
             slope[:] = np.nan_to_num(self.gradient(x), nan=0.0, posinf=_WALL, neginf=-_WALL)
         if not np.isfinite(value):
