@@ -60,7 +60,8 @@ def _compile(
     before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
     numba.config.CACHE_DIR = str(_FOLDER or before)  # type: ignore[attr-defined]
     try:
-        compiled: Any = njit(
+        # numba's type hints do not know all of its options.
+        compiled: Any = cast(Any, njit)(
             cache=_FOLDER is not None,
             error_model="numpy",
             forceinline=forceinline,
@@ -98,4 +99,4 @@ def shared(function: Function) -> Function:
     decorate = register_jitable(
         error_model="numpy", forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True
     )
-    return cast(Function, decorate(function))
+    return decorate(function)
