@@ -26,11 +26,12 @@ QUANTITIES = ("eta", "brewster_deg")
 
 
 class Outcome(NamedTuple):
-    """One fit: error of eta, its error in sigma, and by quantity whether the 95 % interval has the truth."""
+    """One fit: error of eta, its error in sigma, by quantity whether the 95 % interval has the truth, frames lost."""
 
     error: float
     z: float
     hits: tuple[bool, ...]
+    rejected: int
 
 
 def about(*, full: bool) -> str:
@@ -69,6 +70,8 @@ def figures(pool: ProcessPoolExecutor, *, full: bool) -> Iterator[Figure]:
             )
         value = f"{z.mean():+.2f} sigma (scatter {z.std(ddof=1):.2f} sigma)"
         yield Figure.reported("N-BK7 on a board: mean error of eta", value)
+        lost = sum(one.rejected for one in found)
+        yield Figure.reported("N-BK7 on a board: frames rejected because the board is not found", str(lost))
 
     yield from answers("N-BK7 on a board", f"{MOST_ERROR} at most, coverage in the band", jobs, of_fits)
 
@@ -78,7 +81,8 @@ def fitted(seed: int) -> Outcome:
     board = replace(BOARD, print_scale=standard.board.print_scale)
     spec = board_spec(seed, board=board, geometry_views=_GEOMETRY_VIEWS, channels=MONO_CHANNELS)
     spec = replace(spec, sensor=replace(spec.sensor, pattern="MONO"))
-    measurement = ingested(spec)[0].measurement
+    found, _ = ingested(spec, all_used=False)
+    measurement = found.measurement
     fit = fit_channel(
         CHANNEL,
         dict(measurement.observations.channels())[CHANNEL],
@@ -96,4 +100,4 @@ def fitted(seed: int) -> Outcome:
         hits.append(bool(low <= true <= high))
     draws = fit.posterior.flat("eta")
     error = float(np.median(draws)) - eta
-    return Outcome(error, error / float(np.std(draws)), tuple(hits))
+    return Outcome(error, error / float(np.std(draws)), tuple(hits), len(found.rejected))
