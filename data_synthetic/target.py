@@ -40,7 +40,7 @@ class Board:
     square_mm: float = 10.0
     marker_mm: float = 7.5
     dictionary: str = "DICT_5X5_100"
-    window_mm: tuple[float, float] = (40.0, 30.0)
+    window_mm: tuple[float, float] = (48.0, 18.0)
     sample_offset_mm: float = 0.0
     print_scale: tuple[float, float] = (1.0, 1.0)
     sheen: float = 0.0

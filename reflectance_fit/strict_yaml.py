@@ -70,7 +70,7 @@ def read_text(path: Path, *, name: str | None = None, max_bytes: int = MAX_BYTES
     if "\0" in text:
         raise ReflectanceFitError(Problem(shown, None, "is not text (UTF-8); is it the right file?"))
     if not text.strip():
-        raise ReflectanceFitError(Problem(shown, None, "is empty"))
+        raise ReflectanceFitError(Problem(shown, None, "is empty; is it the right file?"))
     return text
 
 

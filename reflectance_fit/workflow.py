@@ -31,7 +31,7 @@ from reflectance_fit.inputs import sha256_of
 from reflectance_fit.measured import Measurement, Note
 from reflectance_fit.measurement.manifest import Manifest
 from reflectance_fit.measurement.read import read_measurement
-from reflectance_fit.observations import Flag
+from reflectance_fit.observations import Flag, Observations
 from reflectance_fit.observations_columns import observations_schema
 from reflectance_fit.observations_file import read_observations, write_observations
 from reflectance_fit.report.build import build_report
@@ -149,6 +149,7 @@ def fit(
                 Note("SATURATED", f"{channel} is left out: all of its {len(rows)} rows are saturated")
             )
             continue
+        _check_signals(channel, rows.used, measurement)
         fits.append(
             fit_channel(
                 channel,
@@ -189,6 +190,18 @@ def fit(
         sample_note=measurement.sample_note,
     )
     return FitResult(report, tuple(fits))
+
+
+def _check_signals(channel: str, used: Observations, measurement: Measurement) -> None:
+    """A gain is positive, so some reading of its group must be."""
+    dark = [
+        group
+        for group in np.unique(used.gain_group)
+        if group and np.max(used.value[used.gain_group == group]) <= 0
+    ]
+    if dark:
+        message = f"{channel}: no reading of gain group '{dark[0]}' is above 0; is it the right column, or is dark taken off twice?"
+        raise ReflectanceFitError(Problem(str(measurement.path), None, message))
 
 
 def _check_fixed(model: str, measurement: Measurement) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from reflectance_fit.capture.calibrate import Calibrated, Signals
-from reflectance_fit.capture.cells import BEYOND
+from reflectance_fit.capture.dofp_cells import BEYOND
 from reflectance_fit.capture.frames import Capture, Frame
 from reflectance_fit.capture.reduce import FrameMeans
 from reflectance_fit.capture.stokes_pixels import redundancy

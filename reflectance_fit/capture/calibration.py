@@ -131,9 +131,11 @@ def calibrate_views(views: Sequence[Corners], board: Board, focal_px: float | No
             poses[i] = _pose(found.x, slot)
         distances = [fit.distances(found.x, slot) for slot in range(len(used))]
         inside = np.concatenate([d[kept[i]] for d, i in zip(distances, used, strict=True)])
-        # Of two normal coordinates, half are within 1.177 standard deviations.
-        noise_now = max(float(np.median(inside)) / 1.177, _LEAST_NOISE_PX)
-        cut = max(_LEAST_CUT_PX, 4 * noise_now)
+        # Of two normal coordinates, half are within 1.177 standard deviations: no outlier moves that.  What is kept
+        # has tails all the same, which count for how well the angles are known.
+        middle = max(float(np.median(inside)) / 1.177, _LEAST_NOISE_PX)
+        cut = max(_LEAST_CUT_PX, 4 * middle)
+        noise_now = max(middle, math.sqrt(float(np.mean(np.square(inside[inside <= cut]))) / 2))
         kept_now = list(kept)
         for d, i in zip(distances, used, strict=True):
             good = d <= cut

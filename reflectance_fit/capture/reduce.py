@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.capture.bins import AngleBins, Bins, Box, Mask, Region, Shift
-from reflectance_fit.capture.cells import uneven_cells
+from reflectance_fit.capture.dofp_cells import uneven_cells
 from reflectance_fit.capture.raw import Plane, RawFrame
 from reflectance_fit.capture.reading import Reading, read_frame
 from reflectance_fit.capture.thumbnails import cell_means
@@ -56,10 +56,10 @@ class FrameMeans:
     in DN^2, by the file's noise profile; None without one.  ``scatter`` maps a
     plane to its mean (DN above black) and the variance between neighbouring
     pixels, both over the middle half of the sensor.  ``clip`` maps a plane to
-    what counts as clipped, DN above black.  ``shape`` is the sensor's,
-    (h, w).  ``sha256`` is the file's, "" of a
-    frame that comes from none; ``unused_bits`` as in RawFrame.  ``uneven`` maps
-    a channel to how many cells fail the test of ``uneven_cells``, and to all.
+    what counts as clipped, DN above black.  ``shape`` is the sensor's, (h, w).
+    ``sha256`` is the file's, "" of a frame that comes from none;
+    ``unused_bits`` as in RawFrame.  ``uneven`` maps a channel to how many cells
+    fail the test of ``uneven_cells``, and to all.
     """
 
     bins: tuple[Bins, ...]
@@ -98,8 +98,8 @@ def reduce_file(
     """Check, decode and reduce one file; ReflectanceFitError for what cannot be read.
 
     ``cell_noise`` is the noise to test cells of polarizers with, for channels of which the file does not tell;
-    None: they are not tested.  ``cells`` are rows and columns to be seen as a CellPicture, and the file to
-    write that to.
+    None: they are not tested.  ``cells`` are rows and columns to be seen as a CellPicture, and the file to write
+    that to.
     """
     found = sha256_of(path)
     if stated_sha256 not in (None, found):
@@ -112,8 +112,7 @@ def reduce_file(
     means = reduce_frame(frame, bins, is_flat, shift, fitting)
     uneven = {}
     if cell_noise is not None and bins:
-        box = bins[0].box() if shift is None else shift.moved(bins[0].box())
-        uneven = uneven_cells(frame, box, (means.noise or {}) | dict(cell_noise), fitting)
+        uneven = uneven_cells(frame, bins[0], (means.noise or {}) | dict(cell_noise), shift, fitting)
     return replace(means, sha256=found, uneven=uneven)
 
 

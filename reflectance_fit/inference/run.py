@@ -29,7 +29,7 @@ Progress = Callable[[str, int, int], None]
 
 _ASSUME = "where k = 0 may be taken for granted, --model dielectric gives eta"
 # k = 0 is a finding where eta is known without it: the ends of its 95 % interval, k free, by no more than this factor
-# apart.  Glasses in a handful of readings at 1 % have 1.2 at most, metals that pass for dielectrics 3 at least.
+# apart.  A glass in a handful of readings near normal incidence has 1.2, a metal that passes for a dielectric over 3.
 _KNOWN_WITHIN = 1.5
 
 _log = logging.getLogger(__name__)

@@ -51,7 +51,7 @@ def find(model: Model, rows: Rows, gains: list[str]) -> tuple[Optimum, list[opti
     ran = ["grid, closed forms, Gauss-Newton"]
     basins = _descended(rows, problem, points.values[_lowest(points, values)])
     if _doubtful(model, rows, basins):
-        many = np.concatenate([_lowest(points, values), _more(points, values)])
+        many = [*_lowest(points, values), *_more(points, values)]
         basins = _descended(rows, problem, points.values[many])
         ran[0] += " from many starts"
     if basins and not (problem.exact and basins[0].converged):

@@ -126,7 +126,7 @@ def number(text: str, name: str) -> float:
         value = None
     if value is None:
         found = f"'{text:.40}' is not a number" if text else "is empty"
-        raise ValueError(f"{name}: {found}")
+        raise ValueError(f"{name}: {found}; correct it, or remove the row")
     if not math.isfinite(value):
         raise ValueError(f"{name}: '{text:.40}' is not a finite number; remove the row")
     return value

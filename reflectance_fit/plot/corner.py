@@ -11,11 +11,12 @@ from scipy.ndimage import gaussian_filter
 
 from reflectance_fit.plot import style
 from reflectance_fit.plot.text import label, subject, with_error
-from reflectance_fit.result import Fit, Posterior
+from reflectance_fit.result import Fit, Interval, Posterior
 
 FloatArray = NDArray[np.float64]
 
 BINS = 28
+NARROW = 6  # times as many where there are modes, each of which is narrow beside the gap
 SMOOTHING = 1.2  # bins
 SHOWN = 0.998  # of each parameter's draws
 LEVELS = (0.95, 0.68)
@@ -40,7 +41,8 @@ def draw_corner(fit: Fit) -> Figure:
     """
     names = varied(fit.posterior)
     draws = [fit.posterior.flat(n) for n in names]
-    views = [_view(d) for d in draws]
+    verdicts = [fit.intervals.get(n) for n in names]
+    views = [_view(d, v) for d, v in zip(draws, verdicts, strict=True)]
     count = len(names)
     panel = max(2.2, 1.5 * count - 0.15) / count - _GAP
     width, height = (count * panel + (count - 1) * _GAP + ends for ends in (_LEFT + _RIGHT, _BOTTOM + _TOP))
@@ -53,7 +55,7 @@ def draw_corner(fit: Fit) -> Figure:
             style.place_labels(ax, _LEFT)
             ax.xaxis.set_label_coords(0.5, -0.52 / panel)
             if i == j:
-                _single(ax, draws[i], views[i])
+                _single(ax, draws[i], views[i], verdicts[i])
             else:
                 _pair(ax, draws[j], draws[i], views[j], views[i], most=2 * DRAWS // count**2)
                 ax.set_ylim(*views[i])
@@ -64,18 +66,32 @@ def draw_corner(fit: Fit) -> Figure:
     return figure
 
 
-def _view(draws: FloatArray) -> tuple[float, float]:
+def _view(draws: FloatArray, verdict: Interval | None) -> tuple[float, float]:
     low, high = np.percentile(draws, (50 - 50 * SHOWN, 50 + 50 * SHOWN))
-    return float(low), float(high)
+    # The outermost modes stand at the very ends.
+    margin = 0.06 * (high - low) if verdict and verdict.modes else 0.0
+    return float(low - margin), float(high + margin)
 
 
-def _single(ax: Axes, draws: FloatArray, view: tuple[float, float]) -> None:
+def _single(ax: Axes, draws: FloatArray, view: tuple[float, float], verdict: Interval | None) -> None:
+    """One distribution, with no more said of it than in the report."""
     low, middle, high = np.percentile(draws, (2.5, 50, 97.5))
+    modes = verdict.modes if verdict else ()
+    status = verdict.status if verdict else "identified"
+    if status == "upper_limit" and verdict and verdict.ci95:
+        low, high = verdict.ci95
     ax.axvspan(low, high, color=style.POSTERIOR, alpha=0.12, linewidth=0)
-    ax.stairs(*np.histogram(draws, BINS, range=view), color=style.POSTERIOR, linewidth=1.1)
-    ax.axvline(middle, color=style.INK, linewidth=0.9)
+    bins = BINS * NARROW if modes else BINS
+    ax.stairs(*np.histogram(draws, bins, range=view), color=style.POSTERIOR, linewidth=1.1)
+    for place in modes or ((middle,) if status == "identified" else ()):
+        ax.axvline(place, color=style.INK, linewidth=0.9)
     ax.set_ylim(bottom=0)
-    ax.set_title(with_error(middle, float(draws.std())), size=8.5, loc="center")
+    said = {
+        "not_identified": "not identified",
+        "upper_limit": f"< {high:.2g} (95 %)",
+        "multimodal": " or ".join(f"{mode:.3g}" for mode in modes),
+    }
+    ax.set_title(said.get(status, with_error(middle, float(draws.std()))), size=8.5, loc="center")
 
 
 def _pair(

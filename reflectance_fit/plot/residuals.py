@@ -99,5 +99,7 @@ def _goodness(fit: Fit) -> str:
     best = fit.optimum
     if best.reduced_chi2 is None:
         return f"χ² = {best.chi2:.3g}, no degrees of freedom"
+    # Of a curve that channels share there is one chi2, and here are the rows of one channel.
+    of = f" of all {len(fit.shared.channels)} channels" if fit.shared else ""
     p = "σ estimated" if fit.p_value is None else f"p = {fit.p_value:.2g}"
-    return f"χ²/dof = {best.reduced_chi2:.2f} ({best.chi2:.1f} / {best.dof}), {p}"
+    return f"χ²/dof{of} = {best.reduced_chi2:.2f} ({best.chi2:.1f} / {best.dof}), {p}"

@@ -18,7 +18,8 @@ _ROWS = (("eta", "η", style.INK), ("k", "k", style.K), ("brewster_deg", "Brewst
 def draw_spectrum(fits: Sequence[Fit]) -> Figure:
     """Medians with 68 % (thick) and 95 % (thin) intervals; an arrow where only a bound is known."""
     figure, axes = style.grid(len(_ROWS), panel_height=1.6, left=0.85, gap=(0.18, 0.0), share_x=True)
-    style.heading(figure, f"{len(fits)} channels")
+    one_curve = all(fit.shared for fit in fits)
+    style.heading(figure, f"{len(fits)} channels" + (" on one dispersion curve" if one_curve else ""))
     for ax, (name, label, colour) in zip(axes[:, 0], _ROWS, strict=True):
         for fit in fits:
             interval = fit.intervals.get(name)
@@ -49,5 +50,5 @@ def _draw(ax: Axes, wavelength_nm: float, interval: Interval, colour: str) -> No
     for span, width in ((interval.ci95, 0.9), (interval.ci68, 2.4)):
         if span is not None:
             ax.vlines(wavelength_nm, *span, color=colour, linewidth=width)
-    if interval.median is not None:
-        ax.plot(wavelength_nm, interval.median, "o", color=colour, markersize=3.5)
+    places = interval.modes or (() if interval.median is None else (interval.median,))
+    ax.plot([wavelength_nm] * len(places), places, "o", color=colour, markersize=3.5)

@@ -102,6 +102,17 @@ def test_empty_and_binary_files(source, tmp_path, content, message):
     assert refused(tmp_path, source).startswith(f"measurement.yaml: {message}")
 
 
+@pytest.mark.parametrize("reading", ["0", "-0.2"])
+def test_signals_that_no_gain_explains(tmp_path, reading):
+    (tmp_path / "dark.csv").write_text(f"angle,s\n20,{reading}\n40,{reading}\n60,{reading}\n")
+    source = tmp_path / "dark.yaml"
+    source.write_text(
+        "schema: reflectance_fit/measurement/1\nsample: {name: dark}\nwavelength_nm: 550\n"
+        "tables:\n  - {file: dark.csv, columns: {theta_deg: angle, signal_s: s}}\n"
+    )
+    assert "no reading of gain group" in refused(tmp_path, source)
+
+
 def test_input_that_is_no_measurement(source, tmp_path):
     assert refused(tmp_path, tmp_path / "none.yaml") == "none.yaml: there is no such file"
     (tmp_path / "folder").mkdir()

@@ -40,6 +40,9 @@ def test_draws_at_the_bound_give_an_upper_limit(generator):
     assert found.ci95 == (0.0, pytest.approx(0.0196, rel=0.03))
     clear = interval(generator.normal(0.05, 0.005, 20_000), K, bounded=True)
     assert clear.status == "identified"
+    # A long tail is no reason: the 2.5 % quantile is 0.15 of the median, if 0.02 of the 97.5 %.
+    skew = interval(0.05 * np.exp(generator.normal(0.0, 0.97, 20_000)), K, bounded=True)
+    assert skew.status == "identified"
 
 
 def test_two_clusters_are_two_modes(generator):

@@ -13,7 +13,9 @@ from scipy.stats import rankdata
 
 from reflectance_fit.plot.chains import RANK_BARS, draw_rank, rank_densities
 from reflectance_fit.plot.corner import draw_corner
+from reflectance_fit.plot.residuals import draw_residuals
 from reflectance_fit.plot.style import inner_ticks
+from reflectance_fit.result import Interval, Shared
 
 
 @pytest.fixture
@@ -47,6 +49,30 @@ def test_the_diagonal_is_the_histogram_of_all_draws(slanted):
         == np.sum((draws >= edges[0]) & (draws <= edges[-1]))
         == pytest.approx(0.998 * draws.size, abs=2)
     )
+
+
+@pytest.mark.parametrize(
+    ("verdict", "title"),
+    [
+        (Interval(None, None, None, (1.4, 1.6), "not_identified"), "not identified"),
+        (Interval(None, None, None, (0.0, 1.52), "upper_limit"), "< 1.5 (95 %)"),
+        (Interval(1.5, 0.4, (0.7, 1.5), (0.7, 1.5), "multimodal", (0.66, 1.51)), "0.66 or 1.51"),
+    ],
+)
+def test_the_corner_says_no_more_than_the_report(slanted, verdict, title):
+    """A median and an error only of what is identified; a line for each mode."""
+    drawn = draw_corner(replace(slanted, intervals={**slanted.intervals, "eta": verdict})).axes[0]
+    assert drawn.get_title(loc="center") == title
+    assert [line.get_xdata()[0] for line in drawn.lines] == list(verdict.modes)
+
+
+def test_one_chi2_of_many_channels_says_so(gold):
+    def title(fit):
+        return draw_residuals(fit).texts[0].get_text()
+
+    curve = Shared(("450 nm", "550 nm", "650 nm"), {}, np.ones((2, 2)), np.ones((2, 2)))
+    assert "of all" not in title(gold)
+    assert "χ²/dof of all 3 channels = " in title(replace(gold, shared=curve))
 
 
 @given(st.integers(2, 5), st.integers(2, 6), st.integers(7, 60), st.integers(0, 10**6))

@@ -30,7 +30,7 @@ from inference_recovery import (
     recovery_figures,
     robust_figures,
 )
-from inference_verdicts import BLIND, DIELECTRIC, METAL, verdict, verdict_figures
+from inference_verdicts import BLIND, DIELECTRIC, GLASS_STEEP, METAL, verdict, verdict_figures
 
 T = TypeVar("T")
 
@@ -137,6 +137,6 @@ def measured(size: Size) -> Iterator[Figure | Table]:
             for nuisances in (NUISANCES, {})
         ]
         yield from robust_figures(*arms)
-        kinds = {DIELECTRIC: size.good, METAL: size.good, **dict.fromkeys(BLIND, size.blind)}
+        kinds = {DIELECTRIC: size.good, METAL: size.good, **dict.fromkeys((*BLIND, GLASS_STEEP), size.blind)}
         verdicts = {kind: each(partial(verdict, kind), n, kind) for kind, n in kinds.items()}
         yield from verdict_figures(verdicts)

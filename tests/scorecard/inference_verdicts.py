@@ -51,6 +51,8 @@ MINIMUM_DEG = (-1.0, -0.5, 0.0, 0.5, 1.0)  # from it
 
 ONE, MINIMUM, METAL_STEEP = "one angle, unpolarized", "p near its minimum only", "metal at 10 to 40 deg"
 BLIND = (ONE, MINIMUM, METAL_STEEP)
+# The same rows, in which a glass is known: what flags the metals must not flag it.
+GLASS_STEEP = "glass at 10 to 40 deg"
 DIELECTRIC, METAL = "dielectric", "metal"
 
 
@@ -71,8 +73,8 @@ class Verdict:
 
 
 def verdict(kind: str, number: int) -> Verdict:
-    """The fit of capture ``number`` of a kind: BLIND, DIELECTRIC or METAL."""
-    glass = kind == DIELECTRIC or (kind == ONE and number % 2 == 0)
+    """The fit of capture ``number`` of a kind: BLIND, DIELECTRIC, METAL or GLASS_STEEP."""
+    glass = kind in (DIELECTRIC, GLASS_STEEP) or (kind == ONE and number % 2 == 0)
     names = GLASSES if glass else METALS
     material = names[number // 2 % len(names)]
     eta, k = (float(x) for x in library.get(material).absolute_index(WAVELENGTH_NM))
@@ -97,7 +99,7 @@ def _design(kind: str, number: int, truth: Mapping[str, float]) -> Design:
         return list(GOOD.values())[number % len(GOOD)]
     at = float(brewster_deg(truth["eta"], truth["k"]))
     near = Design(tuple(at + x for x in MINIMUM_DEG), (Reading("signal_p"),))
-    design = {ONE: ONE_ANGLE, METAL_STEEP: STEEP, MINIMUM: near}[kind]
+    design = {ONE: ONE_ANGLE, METAL_STEEP: STEEP, GLASS_STEEP: STEEP, MINIMUM: near}[kind]
     signal = reflected(design.rows(), truth["eta"], truth["k"], {}).mean()
     return replace(design, sigma=BLIND_NOISE * float(signal))
 
@@ -112,7 +114,7 @@ def verdict_figures(found: Mapping[str, Sequence[Verdict]]) -> Iterator[Figure |
     for kind in BLIND:
         flagged = sum(one.flagged for one in found[kind])
         yield _share(f"flagged: {kind}", flagged, len(found[kind]), 1.0)
-    good = [one for kind in (DIELECTRIC, METAL) for one in found[kind]]
+    good = [one for kind in (DIELECTRIC, METAL, GLASS_STEEP) for one in found[kind]]
     false, n = sum(one.flagged for one in good), len(good)
     yield Figure.judged(
         "flagged though identifiable",

@@ -12,14 +12,16 @@ from card import Figure
 from photographs_scenes import BOARD, MIN_ESS, answers, board_spec, ingested
 from scipy.stats import binom
 
+from reflectance_fit.data_synthetic.rig import MONO_CHANNELS
 from reflectance_fit.data_synthetic.spec import standard_spec
 from reflectance_fit.inference.run import fit_channel
 from reflectance_fit.materials.loader import AIR_INDEX
 from reflectance_fit.physics.brewster import brewster_angle
 
-CHANNEL = "G"
+CHANNEL = MONO_CHANNELS[0].name
 LEVEL, BAND = 0.95, 0.99
 MOST_ERROR = 0.003
+_GEOMETRY_VIEWS = 6
 QUANTITIES = ("eta", "brewster_deg")
 
 
@@ -34,8 +36,8 @@ class Outcome(NamedTuple):
 def about(*, full: bool) -> str:
     return (
         f"Fits: {_seeds(full)} captures of a board, seeds 0 to {_seeds(full) - 1}, tilts of 30 to 65 deg and four analyzer "
-        "angles, prints out of scale by 0.05 % (1 sd) in x and y, an analyzer off by 0.3 deg (1 sd), focal length stated; "
-        f"channel {CHANNEL}, model given, effective sample size of at least {MIN_ESS:.0f}."
+        "angles, prints out of scale by 0.05 % (1 sd) in x and y, an analyzer off by 0.3 deg (1 sd), lens from {_GEOMETRY_VIEWS} views of the board; "
+        f"a sensor without colour filters at {CHANNEL} nm, model given, effective sample size of at least {MIN_ESS:.0f}."
     )
 
 
@@ -73,7 +75,9 @@ def figures(pool: ProcessPoolExecutor, *, full: bool) -> Iterator[Figure]:
 
 def fitted(seed: int) -> Outcome:
     standard = standard_spec("N-BK7", shape="board", seed=seed)
-    spec = board_spec(seed, board=replace(BOARD, print_scale=standard.board.print_scale))
+    board = replace(BOARD, print_scale=standard.board.print_scale)
+    spec = board_spec(seed, board=board, geometry_views=_GEOMETRY_VIEWS, channels=MONO_CHANNELS)
+    spec = replace(spec, sensor=replace(spec.sensor, pattern="MONO"))
     measurement = ingested(spec)[0].measurement
     fit = fit_channel(
         CHANNEL,

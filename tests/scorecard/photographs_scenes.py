@@ -30,7 +30,7 @@ T = TypeVar("T")
 SIZE = (1000, 750)  # pixels, width and height
 FOCAL_PX = 2100.0
 # Large enough that markers are read at 65 degrees in a picture of this size.
-BOARD = Board((7, 5), 16.0, 12.0, window_mm=(30.0, 20.0))
+BOARD = Board((7, 5), 16.0, 12.0, "DICT_4X4_50", (44.0, 12.0))
 # Sampling for a 95 % interval over many fits, not for one that is published alone.
 MIN_ESS, BLOCK, WALKERS = 1000.0, 75, 32
 

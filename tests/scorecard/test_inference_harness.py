@@ -246,7 +246,7 @@ def test_nuisances_take_the_disturbances_out():
 
 def test_a_metal_at_steep_angles_is_flagged_and_a_good_capture_is_not():
     assert verdicts.verdict(verdicts.METAL_STEEP, 0).flagged
-    for kind in (verdicts.DIELECTRIC, verdicts.METAL):
+    for kind in (verdicts.DIELECTRIC, verdicts.METAL, verdicts.GLASS_STEEP):
         said = verdicts.verdict(kind, 0)
         assert not said.flagged
         assert said.k_free == (kind == verdicts.METAL)
@@ -261,6 +261,7 @@ def test_verdicts_are_counted():
     found = {
         verdicts.DIELECTRIC: [glass] * 95 + [metal] * 5,
         verdicts.METAL: [metal] * 98 + [glass] * 2,
+        verdicts.GLASS_STEEP: [glass] * 50,
         **{kind: [blind] * 9 + [metal] * (kind == verdicts.ONE) for kind in verdicts.BLIND},
     }
     figures = list(verdicts.verdict_figures(found))
