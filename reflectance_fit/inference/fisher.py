@@ -35,7 +35,7 @@ _S1, _S2 = "source_s1", "source_s2"
 _STEPS = {"eta": 1e-5, "angle_offset_deg": 1e-3, "analyzer_offset_deg": 1e-3}
 _LINEAR_STEP = 1e-3
 _K_STEP = 1e-5  # of |eta + ik|
-_APART = 0.1  # of |eta + ik|: far enough for rows that are even in k
+_APART = 0.1  # of |eta + ik|: far enough from k = 0 for rows that are even in k
 _SAME_DIRECTION = (
     1e-10  # of a squared length: the finite differences' error is far below, any second angle far above
 )
@@ -156,12 +156,17 @@ def information(
 
 
 def one_equation(info: Information) -> bool:
-    """Whether eta and k move the rows in one and the same direction, gains aside: however low the noise."""
+    """Whether eta and k move the rows in one and the same direction, gains aside: however low the noise.
+
+    Looked at where k is not small: rows that are even in k do not move at k = 0.
+    """
     vector = info.vector.copy()
-    vector[K] += _APART * math.hypot(vector[ETA], vector[K])
-    change, column = info.difference(vector[None])[0], info.columns[:, info.names.index("eta")]
-    rest = change - column * (column @ change) / max(column @ column, _LEAST)
-    return bool(rest @ rest <= _SAME_DIRECTION * (change @ change))
+    vector[K] = max(vector[K], _APART * math.hypot(vector[ETA], vector[K]))
+    derivatives = _derivatives(info.rows, vector, info.gains, ("eta", "k", "angle_offset_deg"))
+    whitening = _whitening(info.rows, vector, info.gains, np.degrees(derivatives[:, -1]))
+    by_eta, by_k = (whitening @ derivatives[:, :2]).T
+    rest = by_k - by_eta * (by_eta @ by_k) / max(by_eta @ by_eta, _LEAST)
+    return bool(rest @ rest <= _SAME_DIRECTION * (by_k @ by_k))
 
 
 def _flat_sd(prior: Prior) -> float:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reflectance_fit.inference import ladder, models, search
-from reflectance_fit.inference.fisher import information, posterior_covariance
+from reflectance_fit.inference.fisher import information, one_equation, posterior_covariance
 from reflectance_fit.inference.forward import ETA, K, neutral_vector, predict_vectors
 from reflectance_fit.inference.rows import gain_names, pack
 from reflectance_fit.observations import concatenate
@@ -53,6 +53,21 @@ def frames(rows_of, theta, eta, k, share, settings=((0, None), (90, None)), ligh
         for i, angle in enumerate(theta) for a, r in settings
     ]  # fmt: skip
     return exact(concatenate(parts), eta, k, share)
+
+
+@pytest.mark.parametrize("k", [0.0, 0.3, 3.0])
+def test_one_number_for_two_unknowns_is_told_from_two_that_are_nearly_one(rows_of, k):
+    """Near normal incidence R_s and R_p differ by theta^2 only, yet they are two; a ratio is one at any angle."""
+
+    def one(*rows):
+        o = exact(concatenate([rows_of(*row) for row in rows]), 1.7, k, 1e-3)
+        return one_equation(information(o, 1.7, k, exterior_ior=1.0, priors=WIDE, nuisances={}))
+
+    assert one(([45.0], "reflectance", 1.0))
+    assert one(([60.0], "ratio_ps", 1.0), ([60.0], "dolp", 1.0))
+    assert one(([50.0], "reflectance_s", 1.0), ([50.0], "reflectance_s", 1.0))
+    assert not one(([3.0], "reflectance_s", 1.0), ([3.0], "reflectance_p", 1.0))
+    assert not one(([5.0, 10.0], "reflectance_s", 1.0))
 
 
 # --- closed forms

@@ -222,3 +222,12 @@ def test_saturated_rows_of_which_nothing_is_known_are_left_out(rows_of):
     used = rows_of(40.0, "signal_s", 0.08, sigma=0.01, gain_group="a")
     alone = replace(rows_of(40.0, "signal_s", 0.9, sigma=0.01, gain_group="b"), flag=np.array(["saturated"]))
     assert len(fitted(concatenate([used, alone]))) == 1
+
+
+def test_the_unit_of_diffuse_light_is_the_largest_reading_not_a_saturated_one(rows_of):
+    """A saturated value is a bound, and detectors may say anything there."""
+    used = rows_of([20.0, 40.0, 60.0], "signal_s", [0.2, 0.3, 0.5], sigma=0.01, gain_group="a")
+    clipped = rows_of([80.0], "signal_s", 4.0, sigma=0.01, gain_group="a")
+    clipped = replace(clipped, flag=np.array(["saturated"]))
+    rows = pack(fitted(concatenate([used, clipped])), 1.0)
+    np.testing.assert_array_equal(rows.largest, np.full(4, 0.5))

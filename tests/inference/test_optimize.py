@@ -67,6 +67,19 @@ def test_no_point_beyond_a_bound_is_tried_however_steps_are_scaled():
     assert beyond == 0
 
 
+@pytest.mark.parametrize("step", [1.0, 100.0])
+def test_a_first_step_wider_than_the_range_is_cut(step):
+    """nlopt's BOBYQA refuses it."""
+    found = optimize.minimise(
+        lambda x: float((x[0] - 0.3) ** 2 + 10 * (x[1] + 0.2) ** 2),
+        np.array([0.9, 0.9]),
+        np.array([[-1.0, 1.0]] * 2),
+        np.full(2, step),
+    )
+    assert found.x == pytest.approx([0.3, -0.2], abs=1e-3)
+    assert found.converged
+
+
 def test_grid_minima_are_all_and_only_the_local_ones():
     x = np.linspace(0, 4 * np.pi, 400)
     values = np.cos(x) + 0.01 * x
