@@ -90,7 +90,8 @@ class BoardScene:
 
     def _part(self, rays: Floats) -> NDArray[np.intp]:
         """What the rays meet."""
-        foot, top = self._foot(rays), self._foot(rays, self.board.sample_offset_mm)
+        foot = self._foot(rays)
+        top = self._foot(rays, self.board.sample_offset_mm) if self.board.sample_offset_mm else foot
         across, down = self.board.size_mm
         paper = (-_MARGIN_MM, -_MARGIN_MM, across + _MARGIN_MM, down + _MARGIN_MM)
         part = np.where(self._print.ink(foot[..., 0], foot[..., 1]), _BLACK, _WHITE)

@@ -89,10 +89,7 @@ def stokes_image(
         return image
     # A lens knows nothing of colour filters: light of neighbouring pixels comes in, whatever theirs.
     eta, k = np.array(list(indices.values())).T
-    sharp = np.empty((len(eta), *image.shape), dtype=np.float32)
-    for first in range(0, sensor.height, _ROWS):
-        rows = slice(first, first + _ROWS)
-        sharp[:, rows] = _pixels(scene, x, y[rows], edges[rows], eta, k)
+    sharp = _pixels(scene, x, y, edges, eta, k)
     blurred = dict(
         zip(indices, gaussian_filter(sharp, optics.blur_px, axes=(1, 2), mode="nearest"), strict=True)
     )
@@ -111,9 +108,12 @@ def _edges(scene: Scene, left: float, top: float, shape: tuple[int, ...]) -> NDA
 
 def _pixels(
     scene: Scene, x: Floats, y: Floats, edges: NDArray[np.bool_], eta: ArrayLike, k: ArrayLike
-) -> Floats:
+) -> FloatArray:
     """Means over pixels centred at x (w,) and y (h, 1), shape C + (h, w, 4): one point where it stands for all."""
-    image = scene.stokes(x, y, eta, k)
+    image = np.empty((*np.shape(eta), *edges.shape, 4), dtype=np.float32)
+    for first in range(0, len(y), _ROWS):
+        rows = slice(first, first + _ROWS)
+        image[..., rows, :, :] = scene.stokes(x, y[rows], eta, k)
     if edges.any():
         at_x, at_y = (np.broadcast_to(z, edges.shape)[edges] for z in (x, y))
         image[..., edges, :] = sum(scene.stokes(at_x + dx, at_y + dy, eta, k) for dx, dy in _FINE) / len(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
 from typing import NamedTuple
 
 import numpy as np
 
-from reflectance_fit.capture.calibrate import FloatArray, Signals
+from reflectance_fit.capture.brackets import brackets
+from reflectance_fit.capture.calibrate import Calibrated, FloatArray, Signals
 
 TOLERANCE = 0.01
 _SIGMAS = 4.0
@@ -74,6 +75,16 @@ def complaints(found: Sequence[Departure], what: str) -> Iterator[str]:
                 " (exposures that are powers of 2, as 1/64 s for 1/60 s, would explain it: state exposure_s)"
             )
         yield text
+
+
+def nonlinear(frames: Iterable[Calibrated]) -> Iterator[str]:
+    """What is to be said of the views among ``frames`` that were seen at several exposures."""
+    for view in brackets(frames):
+        alike = [s for s in view if s.bins == view[0].bins]
+        for plane in view[0].signals:
+            found = departures([(s.exposure.seconds or Fraction(1), s.signals[plane]) for s in alike])
+            files = ", ".join(s.frame.file for s in alike)
+            yield from complaints(found, f"{files}, {plane.channel}")
 
 
 def _powers_explain(found: Sequence[Departure]) -> bool:

@@ -112,8 +112,7 @@ def reduce_file(
     means = reduce_frame(frame, bins, is_flat, shift, fitting)
     uneven = {}
     if cell_noise is not None and bins:
-        box = bins[0].box() if shift is None else shift.moved(bins[0].box())
-        uneven = uneven_cells(frame, box, (means.noise or {}) | dict(cell_noise), fitting)
+        uneven = uneven_cells(frame, bins[0], (means.noise or {}) | dict(cell_noise), shift, fitting)
     return replace(means, sha256=found, uneven=uneven)
 
 

@@ -29,9 +29,9 @@ _LARGEST = 1_000_000  # pixels of a picture that is compared
 # Pixels: what is finer is texture, what is coarser is shading, and over how far contrast is evened out.
 _SHADING, _CONTRAST = 6.0, 18.0
 # Interpolation between pixels shifts what is finer than this by up to 0.01 pixels.
-_SMOOTH = 1.5
+_SMOOTH = 2.0
 _MARGIN = 40  # beside which the local mean takes its pixels from one side only
-_BESIDE = 6
+_BESIDE = 12  # blocks: twice what a local mean reaches
 _DARK = 0.02  # of the bright parts: logarithms below it would be those of noise
 _FLAT = 0.02  # spread of the logarithm below which there is no texture
 _ENOUGH = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-7)

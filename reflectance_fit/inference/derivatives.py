@@ -27,8 +27,11 @@ from reflectance_fit.inference.forward import (
     SLOPE,
     SOURCE,
     K,
+    Optics,
     Turns,
+    optics_of,
     reading,
+    seen_through,
 )
 from reflectance_fit.inference.rows import (
     DOLP,
@@ -40,7 +43,7 @@ from reflectance_fit.inference.rows import (
     SIGNAL,
     Rows,
 )
-from reflectance_fit.physics.jit import inlined
+from reflectance_fit.physics.jit import inlined, shared
 from reflectance_fit.physics.kernels import analyzer_signal, interface, wave
 
 FloatArray = NDArray[np.float64]
@@ -118,7 +121,7 @@ def interface_gradients(c: float, s: float, eta: float, k: float) -> tuple[Four,
     )
 
 
-@inlined
+@shared
 def _slope(code: int, value: Four, change: Four) -> float:
     """Derivative of a quantity that needs no light, given the derivative of the interface."""
     r_s, r_p = value[0], value[1]
@@ -141,47 +144,46 @@ def _slope(code: int, value: Four, change: Four) -> float:
     return (value[2] * change[3] - value[3] * change[2]) / modulus / _DEGREE if modulus > 0 else 0.0
 
 
-@inlined
+@shared
 def _of_light(
-    rows: Rows,
-    i: int,
-    p: FloatArray,
+    optics: Optics,
     turns: Turns,
+    source: tuple[float, float],
     jet: tuple[Four, Four, Four, Four],
-    optics: bool,
-    out: FloatArray,
-) -> None:
-    """Add the derivatives of a row that has light and perhaps an analyzer; they are linear in nearly everything."""
-    share = 1.0 if rows.code[i] == SIGNAL else 2.0
+    errors: bool,
+) -> tuple[float, float, float, float, float, float, float]:
+    """Derivatives of the signal of a row with light and perhaps an analyzer, which is linear in nearly everything.
+
+    By the angle of incidence, eta and k; with ``errors`` also by degree (``source`` has it and the azimuth), azimuth,
+    analyzer's offset and diattenuation.  Per radian.
+    """
     reflection, by_theta, by_eta, by_k = jet
-    s0, s1, s2, s3 = rows.light[i, 0], rows.light[i, 1], rows.light[i, 2], rows.light[i, 3]
-    unpolarized = s0 - math.sqrt(s1 * s1 + s2 * s2 + s3 * s3)
-    light = (s0, s1 + unpolarized * turns[4], s2 + unpolarized * turns[5], s3)
-    cos_2phi, sin_2phi = rows.analyzer[i, 0], rows.analyzer[i, 1]
-    analyzer = (cos_2phi * turns[2] - sin_2phi * turns[3], sin_2phi * turns[2] + cos_2phi * turns[3])
-    retarder = (rows.retarder[i, 0], rows.retarder[i, 1], rows.retarder[i, 2], rows.retarder[i, 3])
-    d = rows.diattenuation[i] * p[DIATTENUATION]
-    out[OFFSET] += share * analyzer_signal(by_theta, light, analyzer, retarder, d) * _DEGREE
-    out[ETA] += share * analyzer_signal(by_eta, light, analyzer, retarder, d) / rows.exterior_ior
-    out[K] += share * analyzer_signal(by_k, light, analyzer, retarder, d) / rows.exterior_ior
-    if not optics:
-        return
-    across = (-analyzer[1], analyzer[0])
-    azimuth = 2 * math.radians(p[AZIMUTH])
-    ahead, aside = unpolarized * math.cos(azimuth), unpolarized * math.sin(azimuth)
-    out[SOURCE] += share * analyzer_signal(reflection, (0.0, ahead, aside, 0.0), analyzer, retarder, d)
-    turn = share * 2 * _DEGREE
-    moved = (0.0, -p[SOURCE] * aside, p[SOURCE] * ahead, 0.0)
-    out[AZIMUTH] += turn * analyzer_signal(reflection, moved, analyzer, retarder, d)
-    if not math.isnan(cos_2phi):
-        # What passes unpolarized is the signal without diattenuation.
-        half = analyzer_signal(reflection, light, across, retarder, 0.0)
-        out[ANALYZER] += turn * (analyzer_signal(reflection, light, across, retarder, d) - half)
-        ideal = analyzer_signal(reflection, light, analyzer, retarder, 1.0)
-        out[DIATTENUATION] += share * rows.diattenuation[i] * (ideal - half)
+    light, analyzer, retarder, d = seen_through(optics, turns)
+    slopes = (
+        analyzer_signal(by_theta, light, analyzer, retarder, d),
+        analyzer_signal(by_eta, light, analyzer, retarder, d),
+        analyzer_signal(by_k, light, analyzer, retarder, d),
+    )
+    by_degree, by_azimuth, by_analyzer, by_diattenuation = 0.0, 0.0, 0.0, 0.0
+    if errors:
+        s0, s1, s2, s3 = optics[0]
+        unpolarized = s0 - math.sqrt(s1 * s1 + s2 * s2 + s3 * s3)
+        azimuth = 2 * math.radians(source[1])
+        ahead, aside = unpolarized * math.cos(azimuth), unpolarized * math.sin(azimuth)
+        by_degree = analyzer_signal(reflection, (0.0, ahead, aside, 0.0), analyzer, retarder, d)
+        moved = (0.0, -source[0] * aside, source[0] * ahead, 0.0)
+        by_azimuth = 2 * analyzer_signal(reflection, moved, analyzer, retarder, d)
+        if not math.isnan(analyzer[0]):
+            # What passes unpolarized is the signal without diattenuation.
+            across = (-analyzer[1], analyzer[0])
+            half = analyzer_signal(reflection, light, across, retarder, 0.0)
+            by_analyzer = 2 * (analyzer_signal(reflection, light, across, retarder, d) - half)
+            whole = analyzer_signal(reflection, light, analyzer, retarder, 1.0)
+            by_diattenuation = optics[3] * (whole - half)
+    return (*slopes, by_degree, by_azimuth, by_analyzer, by_diattenuation)
 
 
-@inlined
+@shared
 def gradient_at_angle(
     rows: Rows, i: int, c: float, s: float, p: FloatArray, turns: Turns, optics: bool, out: FloatArray
 ) -> float:
@@ -195,22 +197,30 @@ def gradient_at_angle(
         out[j] = 0.0
     a, b = rows.cos_spread[i], rows.sin_spread[i]
     sides = 2 if b > 0 else 1
-    eta = p[ETA] + p[SLOPE] * rows.dispersion[i]
+    eta, k, source = p[ETA] + p[SLOPE] * rows.dispersion[i], p[K], (p[SOURCE], p[AZIMUTH])
+    through, code, around = optics_of(rows, i), rows.code[i], rows.exterior_ior
     value = 0.0
     for side in range(sides):
         cc, ss = c, s
         if b > 0:
             sign = 1.0 if side == 0 else -1.0
             cc, ss = max(c * a + sign * s * b, 0.0), s * a - sign * c * b
-        jet = interface_gradients(cc, ss, eta / rows.exterior_ior, p[K] / rows.exterior_ior)
-        code = rows.code[i]
-        value += reading(rows, i, jet[0], p, turns)
+        jet = interface_gradients(cc, ss, eta / around, k / around)
+        value += reading(code, through, jet[0], turns)
         if code in (REFLECTANCE_S, REFLECTANCE_P, REFLECTANCE) or code > SIGNAL:
             out[OFFSET] += _slope(code, jet[0], jet[1]) * _DEGREE
-            out[ETA] += _slope(code, jet[0], jet[2]) / rows.exterior_ior
-            out[K] += _slope(code, jet[0], jet[3]) / rows.exterior_ior
+            out[ETA] += _slope(code, jet[0], jet[2]) / around
+            out[K] += _slope(code, jet[0], jet[3]) / around
         else:
-            _of_light(rows, i, p, turns, jet, optics, out)
+            share = 1.0 if code == SIGNAL else 2.0
+            slopes = _of_light(through, turns, source, jet, optics)
+            out[OFFSET] += share * slopes[0] * _DEGREE
+            out[ETA] += share * slopes[1] / around
+            out[K] += share * slopes[2] / around
+            out[SOURCE] += share * slopes[3]
+            out[AZIMUTH] += share * slopes[4] * _DEGREE
+            out[ANALYZER] += share * slopes[5] * _DEGREE
+            out[DIATTENUATION] += share * slopes[6]
     if sides == 2:
         for j in range(len(out)):
             out[j] *= 0.5

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.inference.forward import reading, turns_of
+from reflectance_fit.inference.forward import optics_of, reading, turns_of
 from reflectance_fit.inference.rows import Rows
 from reflectance_fit.physics.film import film_amplitudes
 from reflectance_fit.physics.jit import kernel
@@ -41,5 +41,6 @@ def _readings(rows: Rows, seen: FloatArray, vector: FloatArray) -> FloatArray:
     turns = turns_of(vector)
     out = np.empty(len(seen))
     for i in range(len(seen)):
-        out[i] = reading(rows, i, (seen[i, 0], seen[i, 1], seen[i, 2], seen[i, 3]), vector, turns)
+        reflection = seen[i, 0], seen[i, 1], seen[i, 2], seen[i, 3]
+        out[i] = reading(rows.code[i], optics_of(rows, i), reflection, turns)
     return out

@@ -18,7 +18,7 @@ from reflectance_fit.inference.rows import (
     SIGNAL,
     Rows,
 )
-from reflectance_fit.physics.jit import inlined, kernel
+from reflectance_fit.physics.jit import kernel, shared
 from reflectance_fit.physics.kernels import analyzer_signal, interface
 from reflectance_fit.priors import NUISANCES
 
@@ -32,11 +32,15 @@ OFFSET, DARK, DIFFUSE, SOURCE, AZIMUTH, ANALYZER, DIATTENUATION = range(FIRST_NU
 
 
 # What a full parameter vector means for every row: cosine and sine of the angle offset, of
-# twice the analyzer's, and the source's added S1 and S2 a unit of unpolarized light.
-Turns = tuple[float, float, float, float, float, float]
+# twice the analyzer's, the source's added S1 and S2 a unit of unpolarized light, the diattenuation.
+Turns = tuple[float, float, float, float, float, float, float]
+# A row's light, cosine and sine of twice its analyzer's angle, its retarder and its polarizer's own diattenuation.
+Optics = tuple[
+    tuple[float, float, float, float], tuple[float, float], tuple[float, float, float, float], float
+]
 
 
-@inlined
+@shared
 def turns_of(p: FloatArray) -> Turns:
     """The trigonometry of a vector, once for all rows."""
     offset, analyzer = math.radians(p[OFFSET]), 2 * math.radians(p[ANALYZER])
@@ -48,16 +52,39 @@ def turns_of(p: FloatArray) -> Turns:
         math.sin(analyzer),
         p[SOURCE] * math.cos(azimuth),
         p[SOURCE] * math.sin(azimuth),
+        p[DIATTENUATION],
     )
 
 
-@inlined
-def reading(
-    rows: Rows, i: int, reflection: tuple[float, float, float, float], p: FloatArray, turns: Turns
-) -> float:
-    """What row i reads of a surface with R_s, R_p and r_s conj(r_p) = ``reflection``; gain 1, no background."""
+@shared
+def optics_of(rows: Rows, i: int) -> Optics:
+    """The optics of row i, for helpers: to hand on ``rows`` itself costs more, in counts of references, than Fresnel."""
+    return (
+        (rows.light[i, 0], rows.light[i, 1], rows.light[i, 2], rows.light[i, 3]),
+        (rows.analyzer[i, 0], rows.analyzer[i, 1]),
+        (rows.retarder[i, 0], rows.retarder[i, 1], rows.retarder[i, 2], rows.retarder[i, 3]),
+        rows.diattenuation[i],
+    )
+
+
+@shared
+def seen_through(optics: Optics, turns: Turns) -> Optics:
+    """A row's ``optics`` with the vector's errors: its source slightly polarized, its analyzer turned and leaking."""
+    (s0, s1, s2, s3), (cos_2phi, sin_2phi), retarder, ideal = optics
+    # The unpolarized part becomes polarized.
+    unpolarized = s0 - math.sqrt(s1 * s1 + s2 * s2 + s3 * s3)
+    return (
+        (s0, s1 + unpolarized * turns[4], s2 + unpolarized * turns[5], s3),
+        (cos_2phi * turns[2] - sin_2phi * turns[3], sin_2phi * turns[2] + cos_2phi * turns[3]),
+        retarder,
+        ideal * turns[6],
+    )
+
+
+@shared
+def reading(code: int, optics: Optics, reflection: tuple[float, float, float, float], turns: Turns) -> float:
+    """What a row of ``code`` reads of a surface with R_s, R_p and r_s conj(r_p) = ``reflection``; gain 1, no background."""
     r_s, r_p, cross_re, cross_im = reflection
-    code = rows.code[i]
     if code == REFLECTANCE_S:
         return r_s
     if code == REFLECTANCE_P:
@@ -73,30 +100,13 @@ def reading(
     if code > PSI:
         # rho = r_p / r_s has the phase of conj(r_s conj(r_p)), and rho = tan(psi) exp(-i Delta).
         return math.degrees(math.atan2(cross_im, cross_re)) % 360.0
-    # A source that is slightly polarized: its unpolarized part becomes so.
-    s0, s1, s2, s3 = rows.light[i, 0], rows.light[i, 1], rows.light[i, 2], rows.light[i, 3]
-    if p[SOURCE] > 0:
-        unpolarized = s0 - math.sqrt(s1 * s1 + s2 * s2 + s3 * s3)
-        s1 += unpolarized * turns[4]
-        s2 += unpolarized * turns[5]
-    cos_2phi, sin_2phi = rows.analyzer[i, 0], rows.analyzer[i, 1]
-    analyzer = (cos_2phi * turns[2] - sin_2phi * turns[3], sin_2phi * turns[2] + cos_2phi * turns[3])
-    retarder = (rows.retarder[i, 0], rows.retarder[i, 1], rows.retarder[i, 2], rows.retarder[i, 3])
-    diattenuation = rows.diattenuation[i] * p[DIATTENUATION]
-    signal = analyzer_signal(reflection, (s0, s1, s2, s3), analyzer, retarder, diattenuation)
+    light, analyzer, retarder, diattenuation = seen_through(optics, turns)
+    signal = analyzer_signal(reflection, light, analyzer, retarder, diattenuation)
     # signal_s and signal_p are R_s and R_p times a gain; an analyzer passes half of unpolarized light.
     return signal if code == SIGNAL else 2.0 * signal
 
 
-@inlined
-def _at_one_angle(rows: Rows, i: int, c: float, s: float, p: FloatArray, turns: Turns) -> float:
-    eta = p[ETA] + p[SLOPE] * rows.dispersion[i]
-    if not eta > 0:
-        return math.nan
-    return reading(rows, i, interface(c, s, eta / rows.exterior_ior, p[K] / rows.exterior_ior), p, turns)
-
-
-@inlined
+@shared
 def at_angle(rows: Rows, i: int, c: float, s: float, p: FloatArray, turns: Turns) -> float:
     """Row i's model value at an incidence of cosine ``c`` and sine ``s``: gain 1, no dark, no diffuse light.
 
@@ -104,6 +114,8 @@ def at_angle(rows: Rows, i: int, c: float, s: float, p: FloatArray, turns: Turns
     deviation to either side: exact to the third moment of the range.
     """
     a, b = rows.cos_spread[i], rows.sin_spread[i]
+    eta, k = p[ETA] + p[SLOPE] * rows.dispersion[i], p[K]
+    optics, code, around = optics_of(rows, i), rows.code[i], rows.exterior_ior
     sides, total = 2 if b > 0 else 1, 0.0
     # One call in a loop, as it is inlined into every kernel.
     for side in range(sides):
@@ -111,11 +123,11 @@ def at_angle(rows: Rows, i: int, c: float, s: float, p: FloatArray, turns: Turns
         if b > 0:
             sign = 1.0 if side == 0 else -1.0
             cc, ss = max(c * a + sign * s * b, 0.0), s * a - sign * c * b
-        total += _at_one_angle(rows, i, cc, ss, p, turns)
-    return total / sides
+        total += reading(code, optics, interface(cc, ss, eta / around, k / around), turns)
+    return total / sides if eta > 0 else math.nan
 
 
-@inlined
+@shared
 def incidence(rows: Rows, i: int, turns: Turns) -> tuple[float, float]:
     """Cosine and sine of row i's angle with the offset applied; a cosine below 0 is beyond grazing.
 
@@ -125,7 +137,7 @@ def incidence(rows: Rows, i: int, turns: Turns) -> tuple[float, float]:
     return c * turns[0] - s * turns[1], s * turns[0] + c * turns[1]
 
 
-@inlined
+@shared
 def background(rows: Rows, i: int, p: FloatArray) -> float:
     """Dark offset and diffuse light of row i, in its own unit."""
     if rows.code[i] > LAST_POWER:

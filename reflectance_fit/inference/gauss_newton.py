@@ -15,7 +15,7 @@ from reflectance_fit.inference.cholesky import cholesky_solve
 from reflectance_fit.inference.normal_equations import normal_equations
 from reflectance_fit.inference.problem import Problem, objective
 from reflectance_fit.inference.rows import Rows
-from reflectance_fit.physics.jit import inlined, kernel
+from reflectance_fit.physics.jit import kernel, shared
 
 FloatArray = NDArray[np.float64]
 
@@ -28,11 +28,11 @@ _PLAIN_K = 1e-3
 # A descent that is as near to an earlier one's end, and as high above it as that one's curvature says, ends there too.
 _NEAR, _AS_FORETOLD = 9.0, 0.1
 # That far above an earlier end a minimum matters to no posterior: its last digits are left open.
-_HIGH, _LITTLE = 100.0, 1e-5
+_HIGH, _LITTLE = 100.0, 1e-2
 _SAME_FLAT = 0.02  # of the ranges: where nothing changes, only what is close by is the same
 
 
-@inlined
+@shared
 def _probe(
     problem: Problem, j: int, turn: int, squared: bool, curvature: FloatArray, x: FloatArray
 ) -> tuple[float, float, float]:
@@ -49,7 +49,7 @@ def _probe(
     return (math.sqrt(moved) if root else moved), step, sign
 
 
-@inlined
+@shared
 def _step(
     gradient: FloatArray,
     curvature: FloatArray,
@@ -101,7 +101,7 @@ def _step(
     return promised
 
 
-@inlined
+@shared
 def _joins(
     problem: Problem, x: FloatArray, value: float, end: FloatArray, lowest: float, curvature: FloatArray
 ) -> bool:

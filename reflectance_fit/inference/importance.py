@@ -168,5 +168,8 @@ def _batch(
         raise NothingDrawn("hardly any draw of the proposal has a posterior worth counting")
     log_weights[possible] = np.where(np.isfinite(smoothed), smoothed, -np.inf)
     weights = np.exp(log_weights - log_weights.max())
+    # No power of so few speaks for a covariance matrix.
+    if np.count_nonzero(weights) <= _DRAWS_A_DIMENSION * x.shape[1]:
+        raise NothingDrawn("hardly any draw of the proposal has a posterior worth counting")
     # An infinite k-hat stands for weights of which only one counts.
     return _Batch(x, density, weights / weights.sum(), float(k) if math.isfinite(k) else math.inf)

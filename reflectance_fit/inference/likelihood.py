@@ -30,6 +30,7 @@ Rows that are said to be heavy-tailed have the noise of ``student`` instead.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +40,7 @@ from reflectance_fit.inference.cholesky import cholesky_solve, inverse_diagonal
 from reflectance_fit.inference.forward import FIRST_SIGMA, at_angle, background, incidence, turns_of
 from reflectance_fit.inference.rows import DELTA, Rows
 from reflectance_fit.inference.student import evaluate_heavy_tailed
-from reflectance_fit.physics.jit import kernel, pasted
+from reflectance_fit.physics.jit import kernel, shared
 
 FloatArray = NDArray[np.float64]
 
@@ -47,11 +48,13 @@ _STEP = 1e-6  # radians; central difference, error about 1e-10 relative
 _ROUNDS = 4  # of the fixed point in the gains; each gains a factor of order (sigma_theta v / sigma)^2 / N
 
 
-@pasted
+@shared
 def design(
     rows: Rows, p: FloatArray, f: FloatArray, slope: FloatArray, target: FloatArray, sigma: FloatArray
 ) -> bool:
     """Fill model, slope, target and sigma of every row; False where an angle leaves [0, 90) degrees."""
+    code, theta_sigma, value_of = rows.code, rows.theta_sigma, rows.value
+    gain_of, estimated, stated = rows.gain, rows.estimated, rows.sigma
     turns = turns_of(p)
     for i in range(len(f)):
         c, s = incidence(rows, i, turns)
@@ -59,7 +62,7 @@ def design(
             return False
         f[i], slope[i], below = 0.0, 0.0, 0.0
         # Then a step to either side, whose cosine is 1 but for step^2 / 2, the same on both.
-        for side in range(3 if rows.theta_sigma[i] > 0 else 1):
+        for side in range(3 if theta_sigma[i] > 0 else 1):
             step = 0.0 if side == 0 else (-_STEP if side == 1 else _STEP)
             value = at_angle(rows, i, max(c - s * step, 0.0), s + c * step, p, turns)
             if side == 0:
@@ -68,54 +71,57 @@ def design(
                 below = value
             else:
                 rise = value - below
-                if rows.code[i] == DELTA:
+                if code[i] == DELTA:
                     rise = (rise + 180.0) % 360.0 - 180.0
                 slope[i] = rise / (2 * _STEP)
-        sigma[i] = rows.sigma[i] if rows.estimated[i] < 0 else math.exp(p[FIRST_SIGMA + rows.estimated[i]])
-        if rows.gain[i] >= 0:
-            target[i] = rows.value[i] - background(rows, i, p)
+        sigma[i] = stated[i] if estimated[i] < 0 else math.exp(p[FIRST_SIGMA + estimated[i]])
+        if gain_of[i] >= 0:
+            target[i] = value_of[i] - background(rows, i, p)
         else:
             # What is left after the model, as gains do not touch it; Delta is a circle.
-            target[i] = rows.value[i] - background(rows, i, p) - f[i]
-            if rows.code[i] == DELTA:
+            target[i] = value_of[i] - background(rows, i, p) - f[i]
+            if code[i] == DELTA:
                 target[i] = (target[i] + 180.0) % 360.0 - 180.0
     return True
 
 
-@pasted
+@shared
 def evaluate_normal(
     rows: Rows, p: FloatArray, whitened: FloatArray, spread: FloatArray, gains: FloatArray
 ) -> tuple[float, float, float]:
     """`evaluate` for normal noise, as kernels call it."""
     n = len(rows.value)
+    # Taken out of the tuple once: in a loop each time costs two atomic counts.
+    gain_of, censored, setting, theta_sigma = rows.gain, rows.censored, rows.setting, rows.theta_sigma
     f, slope, target, sigma = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     if not design(rows, p, f, slope, target, sigma):
         return math.nan, 0.0, 0.0
     normal = np.zeros((rows.gains, rows.gains))
     rhs = np.zeros(rows.gains)
-    coupling = np.zeros((rows.settings, rows.gains))  # sum of f v / sigma^2
-    pull = np.zeros(rows.settings)  # sum of v t / sigma^2
-    steepness = np.zeros(rows.settings)  # sum of v^2 / sigma^2
-    share = np.zeros(rows.settings)  # sigma_theta^2 / (1 + sigma_theta^2 steepness)
+    settings = rows.settings if rows.errors_in_angle else 0
+    coupling = np.zeros((settings, rows.gains))  # sum of f v / sigma^2
+    pull = np.zeros(settings)  # sum of v t / sigma^2
+    steepness = np.zeros(settings)  # sum of v^2 / sigma^2
+    share = np.zeros(settings)  # sigma_theta^2 / (1 + sigma_theta^2 steepness)
     log_det_normal = 0.0
     for turn in range(_ROUNDS if rows.errors_in_angle else 1):
         for g in range(rows.gains):
             rhs[g] = 0.0
             for h in range(rows.gains):
                 normal[g, h] = 0.0
-        for a in range(rows.settings if turn > 0 else 0):
+        for a in range(settings if turn > 0 else 0):
             pull[a], steepness[a], share[a] = 0.0, 0.0, 0.0
             for g in range(rows.gains):
                 coupling[a, g] = 0.0
         for i in range(n):
-            if rows.censored[i]:
+            if censored[i]:
                 continue
-            g, w = rows.gain[i], 1 / sigma[i] ** 2
+            g, w = gain_of[i], 1 / sigma[i] ** 2
             if g >= 0:
                 normal[g, g] += w * f[i] * f[i]
                 rhs[g] += w * f[i] * target[i]
-            if turn > 0 and rows.theta_sigma[i] > 0:
-                a = rows.setting[i]
+            if turn > 0 and theta_sigma[i] > 0:
+                a = setting[i]
                 v = slope[i] * (gains[g] if g >= 0 else 1.0)
                 pull[a] += w * v * target[i]
                 steepness[a] += w * v * v
@@ -123,9 +129,9 @@ def evaluate_normal(
                     coupling[a, g] += w * v * f[i]
         if turn > 0:
             for i in range(n):
-                a = rows.setting[i]
-                share[a] = rows.theta_sigma[i] ** 2 / (1 + rows.theta_sigma[i] ** 2 * steepness[a])
-            for a in range(rows.settings):
+                a = setting[i]
+                share[a] = theta_sigma[i] ** 2 / (1 + theta_sigma[i] ** 2 * steepness[a])
+            for a in range(settings):
                 for g in range(rows.gains):
                     rhs[g] -= share[a] * coupling[a, g] * pull[a]
                     for h in range(rows.gains):
@@ -148,14 +154,14 @@ def evaluate_normal(
 
     # Residuals, then the square root of the rank-one correction of each setting.
     log_det = 0.0
-    for a in range(rows.settings):
+    for a in range(settings):
         pull[a], steepness[a], share[a] = 0.0, 0.0, 0.0
     for i in range(n):
-        g = rows.gain[i]
+        g = gain_of[i]
         residual = target[i] - (gains[g] * f[i] if g >= 0 else 0.0)
         v = slope[i] * (gains[g] if g >= 0 else 1.0)
-        spread[i] = math.sqrt(sigma[i] ** 2 + (rows.theta_sigma[i] * v) ** 2)
-        if rows.censored[i]:
+        spread[i] = math.sqrt(sigma[i] ** 2 + (theta_sigma[i] * v) ** 2)
+        if censored[i]:
             open_gain = f[i] ** 2 * variance[g] if g >= 0 else 0.0
             log_det -= 2 * log_normal_cdf(-residual / math.sqrt(spread[i] ** 2 + open_gain))
             whitened[i], slope[i] = 0.0, 0.0
@@ -164,12 +170,12 @@ def evaluate_normal(
         log_det += 2 * math.log(sigma[i])
         if rows.errors_in_angle:
             slope[i] = v / sigma[i]
-            pull[rows.setting[i]] += slope[i] * whitened[i]
-            steepness[rows.setting[i]] += slope[i] * slope[i]
+            pull[setting[i]] += slope[i] * whitened[i]
+            steepness[setting[i]] += slope[i] * slope[i]
     if rows.errors_in_angle:
         for i in range(n):
-            a = rows.setting[i]
-            widened = rows.theta_sigma[i] ** 2 * steepness[a]
+            a = setting[i]
+            widened = theta_sigma[i] ** 2 * steepness[a]
             if widened > 0:
                 whitened[i] -= (1 - 1 / math.sqrt(1 + widened)) * pull[a] / steepness[a] * slope[i]
                 if share[a] == 0:
@@ -185,9 +191,12 @@ def evaluate_normal(
 def _normal_terms(
     rows: Rows, vectors: FloatArray, whitened: FloatArray, spread: FloatArray, gains: FloatArray
 ) -> FloatArray:
+    """The terms of `evaluate` of each vector, shape (D, 3).  ``whitened`` and ``spread`` have a line each, or one for all."""
     out = np.empty((len(vectors), 3))
     for d in range(len(vectors)):
-        out[d, 0], out[d, 1], out[d, 2] = evaluate_normal(rows, vectors[d], whitened, spread, gains[d])
+        line = d % len(whitened)
+        found = evaluate_normal(rows, vectors[d], whitened[line], spread[line], gains[d])
+        out[d, 0], out[d, 1], out[d, 2] = found
     return out
 
 
@@ -199,19 +208,31 @@ def _heavy_tailed_terms(
     out = np.full((len(vectors), 3), math.nan)
     f, slope, target, sigma = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     for d in range(len(vectors)):
+        line = d % len(whitened)
         if design(rows, vectors[d], f, slope, target, sigma):
-            found = evaluate_heavy_tailed(rows, f, target, sigma, whitened, spread, gains[d])
+            found = evaluate_heavy_tailed(rows, f, target, sigma, whitened[line], spread[line], gains[d])
             out[d, 0], out[d, 1], out[d, 2] = found
     return out
 
 
 def terms(rows: Rows, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
     """`evaluate` of D full parameter vectors: its three terms, shape (D, 3), and the gains, shape (D, G)."""
-    n = len(rows.value)
     gains = np.empty((len(vectors), rows.gains))
+    scratch = np.empty((2, 1, len(rows.value)))
+    return _terms_of(rows)(rows, vectors, scratch[0], scratch[1], gains), gains
+
+
+def _terms_of(rows: Rows) -> Callable[[Rows, FloatArray, FloatArray, FloatArray, FloatArray], FloatArray]:
     # Apart, as few fits ask for heavy tails and every kernel takes seconds to compile.
-    kind = _heavy_tailed_terms if rows.heavy_tailed else _normal_terms
-    return kind(rows, vectors, np.empty(n), np.empty(n), gains), gains
+    return _heavy_tailed_terms if rows.heavy_tailed else _normal_terms
+
+
+def whitened_residuals(rows: Rows, vectors: FloatArray) -> FloatArray:
+    """The whitened residuals of each full parameter vector, shape (D, N); NaN outside of the model's domain."""
+    whitened, spread = np.empty((2, len(vectors), len(rows.value)))
+    found = _terms_of(rows)(rows, vectors, whitened, spread, np.empty((len(vectors), rows.gains)))
+    whitened[~np.isfinite(found[:, 0])] = np.nan
+    return whitened
 
 
 def evaluate(
@@ -225,8 +246,8 @@ def evaluate(
     never negative, is added to log det S.  chi2 is NaN where the parameters
     are outside of the model's domain.
     """
-    kind = _heavy_tailed_terms if rows.heavy_tailed else _normal_terms
-    chi2, log_det, log_integral = kind(rows, p[None], whitened, spread, gains[None])[0].tolist()
+    found = _terms_of(rows)(rows, p[None], whitened[None], spread[None], gains[None])
+    chi2, log_det, log_integral = found[0].tolist()
     return chi2, log_det, log_integral
 
 

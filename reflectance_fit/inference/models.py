@@ -46,10 +46,13 @@ class Model:
     def full(self, x: FloatArray) -> FloatArray:
         """Coordinates, shape (D, P) or (P,), to kernel vectors, shape (D, M)."""
         x = np.atleast_2d(x)
-        vectors = np.tile(self.template, (len(x), 1))
-        for j, (place, prior) in enumerate(zip(self.places, self.priors, strict=True)):
+        vectors = np.empty((len(x), len(self.template)))
+        vectors[:] = self.template
+        vectors[:, self.places] = x
+        for j, place in enumerate(self.places.tolist()):
             # The kernel itself takes log(sigma).
-            vectors[:, place] = x[:, j] if place >= FIRST_SIGMA else prior.from_coordinate(x[:, j])
+            if place < FIRST_SIGMA and self.priors[j].kind == "log_uniform":
+                np.exp(x[:, j], out=vectors[:, place])
         return vectors
 
     def log_prior(self, x: FloatArray) -> FloatArray:

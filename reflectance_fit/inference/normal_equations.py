@@ -23,7 +23,7 @@ from reflectance_fit.inference.derivatives import gradient_at_angle
 from reflectance_fit.inference.forward import DARK, DIFFUSE, FIRST_SIGMA, OFFSET, K, incidence, turns_of
 from reflectance_fit.inference.problem import Problem, fill_vector
 from reflectance_fit.inference.rows import LAST_POWER, Rows
-from reflectance_fit.physics.jit import pasted
+from reflectance_fit.physics.jit import shared
 
 FloatArray = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ FloatArray = NDArray[np.float64]
 _SMALL_K = 1e-4
 
 
-@pasted
+@shared
 def normal_equations(
     rows: Rows,
     problem: Problem,
@@ -48,66 +48,78 @@ def normal_equations(
     ``squared``, k is taken by its square.  Where the problem is not exact the
     gradient lacks what log det S and the angles' errors add.
     """
+    # Taken out of their tuples once: in a loop each time costs two atomic counts, more than all the arithmetic.
+    places, logarithmic, weight = problem.places, problem.logarithmic, problem.weight
+    code, censored, setting, theta_sigma = rows.code, rows.censored, rows.setting, rows.theta_sigma
+    gain_of, estimated, sigma, largest = rows.gain, rows.estimated, rows.sigma, rows.largest
     size = len(x)
     p = np.empty(len(problem.template))
     fill_vector(problem, x, p)
     rate = np.empty(size)  # dp / dx
     for j in range(size):
         rate[j], gradient[j] = 1.0, 0.0
-        for m in range(size):
-            curvature[j, m] = 0.0
-        if problem.logarithmic[j]:
-            rate[j] = p[problem.places[j]]
+        if logarithmic[j]:
+            rate[j] = p[places[j]]
         if squared and j == problem.square:
             p[K] = max(p[K], _SMALL_K)
             rate[j] = 0.5 / p[K]
     turns = turns_of(p)
-    by_p, row = np.empty(FIRST_SIGMA), np.empty(size)
+    n = len(whitened)
+    by_p, jacobian = np.empty(FIRST_SIGMA), np.zeros((size, n))
+    settings = rows.settings if rows.errors_in_angle else 0
     normal = np.zeros((rows.gains, rows.gains))
     mixed = np.zeros((rows.gains, size))
-    pull, coupling = np.zeros((rows.settings, size)), np.zeros((rows.settings, rows.gains))
-    steepness, error = np.zeros(rows.settings), np.zeros(rows.settings)
-    for i in range(len(whitened)):
-        if rows.censored[i]:
+    pull, coupling = np.zeros((settings, size)), np.zeros((settings, rows.gains))
+    steepness, error = np.zeros(settings), np.zeros(settings)
+    for i in range(n):
+        if censored[i]:
             continue
         c, s = incidence(rows, i, turns)
         c = max(c, 0.0)
         value = gradient_at_angle(rows, i, c, s, p, turns, problem.optics, by_p)
-        g = rows.gain[i]
+        g = gain_of[i]
         gain = gains[g] if g >= 0 else 1.0
-        e = rows.estimated[i]
-        sigma = rows.sigma[i] if e < 0 else math.exp(p[FIRST_SIGMA + e])
-        slope = gain * math.degrees(by_p[OFFSET]) / sigma
-        if rows.code[i] <= LAST_POWER:
-            by_p[DARK], by_p[DIFFUSE] = 1 / gain, rows.largest[i] / gain
+        e = estimated[i]
+        inverse = 1 / (sigma[i] if e < 0 else math.exp(p[FIRST_SIGMA + e]))
+        scale = gain * inverse
+        if code[i] <= LAST_POWER:
+            by_p[DARK], by_p[DIFFUSE] = 1 / gain, largest[i] / gain
         for j in range(size):
-            place = problem.places[j]
+            place = places[j]
             if place < FIRST_SIGMA:
-                row[j] = -gain * by_p[place] * rate[j] / sigma
-                gradient[j] += row[j] * whitened[i]
+                jacobian[j, i] = -scale * by_p[place] * rate[j]
             elif place == FIRST_SIGMA + e:
                 # d^2/dx^2 of e^(-2x) r^2 + 2x is 4 r^2 where it is 0 on average, not the 2 r^2 of a sum of squares.
-                row[j] = -math.sqrt(2.0) * whitened[i]
-                gradient[j] += 1 - whitened[i] ** 2
-            else:
-                row[j] = 0.0
-            for m in range(j + 1):
-                curvature[j, m] += row[j] * row[m]
-        column = value / sigma if g >= 0 else 0.0
+                jacobian[j, i] = -math.sqrt(2.0) * whitened[i]
+        column = value * inverse if g >= 0 else 0.0
         if g >= 0:
             normal[g, g] += column * column
             for j in range(size):
-                mixed[g, j] += column * row[j]
-        if rows.theta_sigma[i] > 0:
-            a = rows.setting[i]
-            error[a] = rows.theta_sigma[i] ** 2
+                mixed[g, j] += column * jacobian[j, i]
+        if rows.errors_in_angle and theta_sigma[i] > 0:
+            a = setting[i]
+            slope = scale * math.degrees(by_p[OFFSET])
+            error[a] = theta_sigma[i] ** 2
             steepness[a] += slope * slope
             for j in range(size):
-                pull[a, j] += slope * row[j]
+                pull[a, j] += slope * jacobian[j, i]
             if g >= 0:
                 coupling[a, g] += slope * column
+    # Row by row within each sum, not sum by sum within each row: sums stay in registers.
+    for j in range(size):
+        which = places[j] - FIRST_SIGMA
+        for i in range(n):
+            if which < 0:
+                gradient[j] += jacobian[j, i] * whitened[i]
+            elif which == estimated[i] and not censored[i]:
+                gradient[j] += 1 - whitened[i] ** 2
+        for m in range(j + 1):
+            total = 0.0
+            for i in range(n):
+                total += jacobian[j, i] * jacobian[m, i]
+            curvature[j, m] = total
     if rows.errors_in_angle:
-        for a in range(rows.settings):
+        for a in range(settings):
             share = error[a] / (1 + error[a] * steepness[a])
             for j in range(size):
                 for m in range(j + 1):
@@ -135,6 +147,6 @@ def normal_equations(
             for g in range(rows.gains):
                 curvature[j, m] -= mixed[g, j] * solved[g, m]
             curvature[m, j] = curvature[j, m]
-        scaled = problem.weight[j] * (rate[j] if squared and j == problem.square else 1.0)
+        scaled = weight[j] * (rate[j] if squared and j == problem.square else 1.0)
         curvature[j, j] += scaled * scaled
-        gradient[j] += (x[j] - problem.mean[j]) * problem.weight[j] * scaled
+        gradient[j] += (x[j] - problem.mean[j]) * weight[j] * scaled

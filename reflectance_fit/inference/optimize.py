@@ -63,7 +63,8 @@ class _Watched:
     def __call__(self, x: FloatArray, slope: FloatArray) -> float:
         self.evaluations += 1
         # BOBYQA searches in units of the steps and, coming back from them, ends an ulp beyond a bound: no point of the
-        # model, and one that nlopt itself refuses as a start.
+        # model, and one that nlopt itself refuses as a start.  What clip returns can also be written, unlike
+        # nlopt's vector: that is another type, for which kernels would be compiled once more.
         x = np.clip(x, *self.ranges.T)
         value = float(self.objective(x))
         if slope.size and self.gradient is not None:

@@ -14,10 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.inference.forward import DIFFUSE, FIRST_SIGMA, K
-from reflectance_fit.inference.likelihood import evaluate_normal, stated_log_det
+from reflectance_fit.inference.likelihood import (
+    deviances,
+    evaluate_normal,
+    stated_log_det,
+    whitened_residuals,
+)
 from reflectance_fit.inference.models import Model, search_ranges
 from reflectance_fit.inference.rows import Rows
-from reflectance_fit.physics.jit import inlined, kernel, pasted
+from reflectance_fit.physics.jit import inlined, shared
 from reflectance_fit.priors import Prior
 
 FloatArray = NDArray[np.float64]
@@ -79,52 +84,52 @@ def _of_model(priors: tuple[Prior, ...], places: tuple[int, ...]) -> Problem:
     )
 
 
-@inlined
+@shared
 def fill_vector(problem: Problem, x: FloatArray, p: FloatArray) -> None:
     """The full vector of coordinates ``x``."""
+    template, places, logarithmic = problem.template, problem.places, problem.logarithmic
     for j in range(len(p)):
-        p[j] = problem.template[j]
+        p[j] = template[j]
     for j in range(len(x)):
-        p[problem.places[j]] = math.exp(x[j]) if problem.logarithmic[j] else x[j]
+        p[places[j]] = math.exp(x[j]) if logarithmic[j] else x[j]
 
 
-@pasted
+@inlined
 def objective(rows: Rows, problem: Problem, x: FloatArray, whitened: FloatArray, gains: FloatArray) -> float:
     """F at ``x``, inf outside of the model's domain; fills the whitened residuals and the gains."""
     p, spread = np.empty(len(problem.template)), np.empty(len(whitened))
     fill_vector(problem, x, p)
     chi2, log_det, _ = evaluate_normal(rows, p, whitened, spread, gains)
     value = chi2 + log_det - problem.stated
+    mean, weight = problem.mean, problem.weight
     for j in range(len(x)):
-        value += ((x[j] - problem.mean[j]) * problem.weight[j]) ** 2
+        value += ((x[j] - mean[j]) * weight[j]) ** 2
     return value if math.isfinite(value) else math.inf
 
 
-@kernel
 def objectives(rows: Rows, problem: Problem, points: FloatArray) -> FloatArray:
-    """F at each of D points, shape (D, P); the sigmas to be estimated are first set to what the residuals say."""
-    n = len(rows.value)
-    whitened, gains = np.empty(n), np.empty(rows.gains)
-    values = np.empty(len(points))
-    sums, counts = np.empty(points.shape[1]), np.empty(points.shape[1])
-    first = len(sums)
-    for j in range(len(sums) - 1, -1, -1):
-        if problem.places[j] >= FIRST_SIGMA:
-            first = j
-    for d in range(len(points)):
-        # Each by its closed form; gains and residuals change with the sigmas' ratios, hence twice.
-        for turn in range(3 if first < len(sums) else 1):
-            values[d] = objective(rows, problem, points[d], whitened, gains)
-            if turn == 2 or first == len(sums) or not math.isfinite(values[d]):
-                break
-            for j in range(len(sums)):
-                sums[j], counts[j] = 0.0, 0.0
-            for i in range(n):
-                if rows.estimated[i] >= 0 and not rows.censored[i]:
-                    sums[first + rows.estimated[i]] += whitened[i] ** 2
-                    counts[first + rows.estimated[i]] += 1
-            for j in range(first, len(sums)):
-                if sums[j] > 0:
-                    moved = points[d, j] + 0.5 * math.log(sums[j] / counts[j])
-                    points[d, j] = min(max(moved, problem.low[j]), problem.high[j])
-    return values
+    """F at each of D points, shape (D, P); the sigmas to be estimated are first set to what the residuals say.
+
+    numpy around the kernel of the likelihood: a kernel of its own would be compiled for seconds.
+    """
+    used = ~rows.censored
+    estimated = np.flatnonzero(problem.places >= FIRST_SIGMA)
+    # Each by its closed form; gains and residuals change with the sigmas' ratios, hence twice.
+    for _ in range(2 if len(estimated) else 0):
+        whitened = whitened_residuals(rows, _vectors(problem, points))
+        for j in estimated:
+            mine = used & (rows.estimated == problem.places[j] - FIRST_SIGMA)
+            square = np.mean(whitened[:, mine] ** 2, axis=1)
+            told = np.flatnonzero(square > 0)
+            moved = points[told, j] + 0.5 * np.log(square[told])
+            points[told, j] = np.clip(moved, problem.low[j], problem.high[j])
+    values = deviances(rows, _vectors(problem, points))
+    values += np.sum(((points - problem.mean) * problem.weight) ** 2, axis=1)
+    return np.where(np.isfinite(values), values, np.inf)
+
+
+def _vectors(problem: Problem, points: FloatArray) -> FloatArray:
+    """`fill_vector` of each of ``points``: shape (D, M)."""
+    vectors = np.repeat(problem.template[None], len(points), axis=0)
+    vectors[:, problem.places] = np.exp(points, out=points.copy(), where=problem.logarithmic)
+    return vectors

@@ -36,7 +36,10 @@ class Points(NamedTuple):
 
 
 class _Frame(NamedTuple):
-    """What starts have of the model alone.  ``eta`` is its coordinate (-1: known), ``low`` and ``high`` the ranges."""
+    """What starts have of the model alone.  ``eta`` is its coordinate (-1: known), ``low`` and ``high`` the ranges.
+
+    ``evenly`` are the etas of the line that need no rows.
+    """
 
     free: list[int]
     eta: int
@@ -45,6 +48,7 @@ class _Frame(NamedTuple):
     centre: FloatArray
     grid: FloatArray
     shape: tuple[int, ...]
+    evenly: FloatArray
 
 
 def points(model: Model, rows: Rows) -> Points:
@@ -71,7 +75,8 @@ def _frame(priors: tuple[Prior, ...], places: tuple[int, ...]) -> _Frame:
     values = np.stack([axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")], axis=1)
     eta = places.index(ETA) if ETA in places else -1
     grid = np.clip(_points(centre, values, free), low, high)
-    return _Frame(free, eta, low, high, centre, grid, tuple(len(axis) for axis in axes))
+    evenly = np.linspace(low[eta], high[eta], _LINE_POINTS)
+    return _Frame(free, eta, low, high, centre, grid, tuple(len(axis) for axis in axes), evenly)
 
 
 def _line(model: Model, rows: Rows, frame: _Frame) -> FloatArray:
@@ -81,11 +86,14 @@ def _line(model: Model, rows: Rows, frame: _Frame) -> FloatArray:
     may have minima of its own between any two of them, often close above the lower one.
     """
     low, high = frame.low[frame.eta], frame.high[frame.eta]
-    sines = rows.exterior_ior * np.unique(np.abs(rows.sin_theta))
-    between = np.concatenate([sines[:-1] + share * np.diff(sines) for share in _BETWEEN])
+    sines = np.sort(rows.exterior_ior * np.abs(rows.sin_theta))
+    gaps = sines[1:] - sines[:-1]
+    apart = gaps > 0
+    below, gaps = sines[:-1][apart], gaps[apart]
+    between = np.concatenate([below + share * gaps for share in _BETWEEN])
     between = model.priors[frame.eta].to_coordinate(between)
-    eta = np.concatenate([np.linspace(low, high, _LINE_POINTS), between])
-    eta = np.sort(eta[(eta >= low) & (eta <= high)])
+    between = between[(between >= low) & (between <= high)]
+    eta = np.sort(np.concatenate([frame.evenly, between]))
     found = np.empty((len(eta), len(frame.centre)))
     found[:] = frame.centre
     found[:, frame.free] = frame.low[frame.free]

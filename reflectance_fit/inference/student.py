@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from reflectance_fit.inference.censored import log_normal_cdf
 from reflectance_fit.inference.rows import Rows
-from reflectance_fit.physics.jit import inlined, kernel
+from reflectance_fit.physics.jit import kernel, shared
 
 FloatArray = NDArray[np.float64]
 
@@ -74,7 +74,7 @@ def gain_mode(
     return gain, curvature
 
 
-@inlined
+@shared
 def _log_t(u: float) -> float:
     return _LOG_T - 0.5 * (NU + 1) * math.log1p(u * u / NU)
 

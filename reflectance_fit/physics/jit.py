@@ -14,7 +14,7 @@ import os
 import stat
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numba
 from numba import njit
@@ -55,18 +55,18 @@ def _compile(
     *,
     forceinline: bool = False,
     parallel: bool = False,
-    inline: Literal["never", "always"] = "never",
 ) -> Function:
     # numba reads the folder when it decorates; other libraries' kernels keep theirs.
     before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
     numba.config.CACHE_DIR = str(_FOLDER or before)  # type: ignore[attr-defined]
     try:
-        compiled: Any = njit(
+        # numba's type hints do not know all of its options.
+        compiled: Any = cast(Any, njit)(
             cache=_FOLDER is not None,
             error_model="numpy",
             forceinline=forceinline,
             parallel=parallel,
-            inline=inline,
+            no_cfunc_wrapper=True,
         )(function)
         return cast(Function, compiled)
     finally:
@@ -91,11 +91,12 @@ def inlined(function: Function) -> Function:
     return _compile(function, forceinline=True)
 
 
-def pasted(function: Function) -> Function:
-    """As ``kernel``, for large helpers: pasted as source, so that they are not compiled once on their own as well."""
-    return _compile(function, inline="always")
-
-
 def shared(function: Function) -> Function:
-    """Leave a function as it is, for floats and numpy arrays, and let kernels compile it into themselves."""
-    return register_jitable(error_model="numpy", forceinline=True)(function)
+    """Leave a function as it is, and let kernels compile it into themselves.
+
+    Without a way in from Python, which takes as long to compile as a small function where tuples of arrays are handed over.
+    """
+    decorate = register_jitable(
+        error_model="numpy", forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True
+    )
+    return decorate(function)

@@ -316,3 +316,14 @@ def test_what_such_frames_must_say(folder, entry, message):
     sample(folder)
     folder.shoot(0.1, **entry)
     assert message in folder.refusal(camera=STATED_NOISE)
+
+
+def test_sigma_of_a_ratio_holds_the_noise_of_both(folder):
+    sample(folder)
+    folder.shoot(0.02, theta_deg=60, analyzer_deg=0, role="reference", material="white")
+    ratio = folder.ingest(camera=STATED_NOISE).measurement.observations
+    alone = [{key: f[key] for key in ("file", "theta_deg", "analyzer_deg")} for f in folder.frames]
+    alone[1]["set"] = "other"
+    apart = folder.ingest(camera=STATED_NOISE, frames=alone).measurement.observations
+    expected = math.hypot(*(apart.sigma / apart.value))
+    assert ratio.sigma[0] / ratio.value[0] == pytest.approx(expected)

@@ -69,9 +69,18 @@ def test_without_clipping_there_is_no_spike(seed, denominator, even, gain):
     assert measured_white(frame, BLACK, np.full((2, 2), 65535.0)).min() == 65535
 
 
-@pytest.mark.parametrize("light", [SPOT, np.full_like(SPOT, 0.5)])
+def test_many_pixels_at_the_largest_value_are_no_spike():
+    """As in 8 bits: values are few, and the largest has its share."""
+    frame = np.random.default_rng(0).integers(170, 190, (300, 400), dtype=np.uint16)
+    assert np.count_nonzero(frame == frame.max()) > 5000
+    assert measured_white(frame, np.zeros((2, 2)), np.full((2, 2), 255.0)).min() == 255
+
+
+@pytest.mark.parametrize(
+    "light", [SPOT, np.full_like(SPOT, 0.5), np.where(SPOT > 0.4, 0.5, 0.2).astype(np.float32)]
+)
 def test_a_frame_without_noise_tells_nothing(light):
-    sensor = replace(SENSOR, prnu=0.0, dsnu_dn=0.0)
+    sensor = replace(SENSOR, prnu=0.0, dsnu_dn=0.0, vignetting=0.0)
     pixels = fixed_pattern(sensor, np.random.default_rng(0))
     frame = expose(light, Fraction(1, 2000), sensor, pixels, None)
     assert measured_white(frame, BLACK, np.full((2, 2), 16000.0)).min() == 16000

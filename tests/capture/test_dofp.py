@@ -282,3 +282,31 @@ def test_a_turning_source_does_not_mind_pixels_that_respond_unlike(tmp_path):
 def test_a_wrong_layout_stops_the_reading(tmp_path, layout):
     path = lamp(tmp_path, range(0, 180, 30), layout=layout)
     assert "is dofp_layout_deg mirrored, or turned the other way?" in refusal(path)
+
+
+def test_a_ball_is_seen_through_each_pixels_own_axis(tmp_path):
+    """All rings and sectors follow Fresnel's equations to within their sigma, one gain a ring, from one photograph."""
+    spec = standard_spec("N-BK7", sensor="dofp", shape="sphere")
+    spec = replace(spec, sensor=replace(spec.sensor, width=480, height=384))
+    write_capture(tmp_path, spec)
+    found = ingest(read_capture(tmp_path / "capture.yaml"))
+    assert [note.code for note in found.measurement.warnings] == []
+    rows = found.measurement.observations.used
+    (channel,) = spec.channels
+    chi2, dof = 0.0, 0
+    for group in set(rows.gain_group):
+        mine = rows.select(rows.gain_group == group)
+        expected = []
+        for i in range(len(mine)):
+            ends = mine.theta_deg[i] + np.array([-1, 1]) * mine.theta_deg_spread[i]
+            along = np.mean([model(spec, end, mine.analyzer_deg[i], channel) for end in ends])
+            across = np.mean([model(spec, end, mine.analyzer_deg[i] + 90, channel) for end in ends])
+            share = mine.diattenuation[i] / spec.faults.diattenuation
+            expected.append((along + across + share * (along - across)) / 2)
+        expected = np.array(expected)
+        weight = expected / mine.sigma**2
+        gain = np.sum(weight * mine.value) / np.sum(weight * expected)
+        chi2 += np.sum(((mine.value - gain * expected) / mine.sigma) ** 2)
+        dof += len(mine) - 1
+    assert dof > 150
+    assert chi2 / dof == pytest.approx(1.0, abs=4 * math.sqrt(2 / dof))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from reflectance_fit.capture.bins import Mask
+from reflectance_fit.capture.bins import Mask, Region, SphereBins
 from reflectance_fit.capture.dofp_cells import uneven_cells
 from reflectance_fit.capture.pixel_maps import PixelMaps
 from reflectance_fit.capture.raw import RawFrame
@@ -14,6 +14,7 @@ from reflectance_fit.physics.stokes import analyzer_signal
 CELL = np.array([[90.0, 45.0], [135.0, 0.0]])
 NOISE = (0.5, 4.0)  # 2 electrons a DN, read noise of 2 DN
 BLACK = 64.0
+WHOLE = Region(0, 0, 320, 240)
 
 
 def frame_of(cfa, colour=False, maps=None):
@@ -71,13 +72,13 @@ def test_counts_are_those_of_a_loop(colour, box):
     cfa[30:34, 50:70] = 4095
     where = slice(box[0], box[2]), slice(box[1], box[3])
     noise = dict.fromkeys(("mono", "R", "G", "B"), NOISE)
-    found = uneven_cells(frame_of(cfa, colour), where, noise)
+    found = uneven_cells(frame_of(cfa, colour), Region(box[1], box[0], box[3], box[2]), noise)
     expected = one_by_one(cfa, where, 4 if colour else 2, NOISE)
     assert {c: entry for c, entry in found.items() if entry[1]} == expected
 
 
 def test_noise_alone_leaves_almost_none():
-    (beyond, cells) = uneven_cells(frame_of(light()), (slice(0, 240), slice(0, 320)), {"mono": NOISE})["mono"]
+    (beyond, cells) = uneven_cells(frame_of(light()), WHOLE, {"mono": NOISE})["mono"]
     assert cells == 120 * 160
     assert beyond < 1e-3 * cells
 
@@ -85,11 +86,11 @@ def test_noise_alone_leaves_almost_none():
 def test_a_mask_takes_cells_out():
     cfa = light()
     cfa[100, 100] += 2000
-    whole = slice(0, 240), slice(0, 320)
+    whole = WHOLE
     masked = np.zeros(cfa.shape, dtype=bool)
     masked[100, 100] = True
     beyond, cells = uneven_cells(frame_of(cfa), whole, {"mono": NOISE})["mono"]
-    fewer = uneven_cells(frame_of(cfa), whole, {"mono": NOISE}, Mask.of(masked))["mono"]
+    fewer = uneven_cells(frame_of(cfa), whole, {"mono": NOISE}, mask=Mask.of(masked))["mono"]
     assert fewer == (beyond - 1, cells - 1)
 
 
@@ -97,7 +98,7 @@ def test_a_gain_map_evens_cells_out():
     generator = np.random.default_rng(4)
     gain = generator.uniform(0.9, 1.1, (240, 320)).astype(np.float32)
     cfa = np.rint((light().astype(float) - BLACK) / gain + BLACK).astype(np.uint16)
-    whole = slice(0, 240), slice(0, 320)
+    whole = WHOLE
     raw = uneven_cells(frame_of(cfa), whole, {"mono": NOISE})["mono"]
     mapped = uneven_cells(frame_of(cfa, maps=PixelMaps(None, gain)), whole, {"mono": NOISE})["mono"]
     assert raw[0] > 0.1 * raw[1]
@@ -114,5 +115,18 @@ def test_sensors_without_such_cells_have_none():
         None,
         None,
     )
-    assert uneven_cells(plain, (slice(0, 240), slice(0, 320)), {"mono": NOISE}) == {}
-    assert uneven_cells(frame_of(light()), (slice(0, 240), slice(0, 320)), {}) == {}
+    assert uneven_cells(plain, WHOLE, {"mono": NOISE}) == {}
+    assert uneven_cells(frame_of(light()), WHOLE, {}) == {}
+
+
+def test_on_a_ball_only_its_rings_count():
+    """What surrounds the ball, and its silhouette, are edges of the picture and no fault."""
+    cfa = light()
+    y, x = np.indices(cfa.shape)
+    outside = np.hypot(x - 150, y - 120) > 95
+    cfa[outside] = np.random.default_rng(2).integers(70, 3000, np.count_nonzero(outside))
+    ball = SphereBins(150.0, 120.0, 100.0, None, tuple(np.radians([8.0, 40.0, 70.0])), 6)
+    beyond, cells = uneven_cells(frame_of(cfa), ball, {"mono": NOISE})["mono"]
+    low, high = 100 * np.sin(np.radians([8.0, 70.0]))
+    assert cells == pytest.approx(math.pi * (high**2 - low**2) / 4, rel=0.01)
+    assert beyond < 1e-3 * cells

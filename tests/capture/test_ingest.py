@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from reflectance_fit import workflow
-from reflectance_fit.capture import ingest as module
+from reflectance_fit.capture import decoding as module
 from reflectance_fit.capture.ingest import ingest
 from reflectance_fit.capture.raw import decode
 from reflectance_fit.capture.read import read_capture
@@ -144,7 +144,11 @@ def test_write_hashes_keeps_what_a_person_wrote(capture, tmp_path):
     capture.write_text(text)
     said = []
     workflow.ingest_to_file(
-        capture, tmp_path / "o.nc", write_hashes=True, progress=lambda *what: said.append(what)
+        capture,
+        tmp_path / "o.nc",
+        write_hashes=True,
+        pictures=False,
+        progress=lambda *what: said.append(what),
     )
     new = capture.read_text()
     assert new.startswith("# my rig\n")
@@ -163,7 +167,9 @@ def test_write_hashes_keeps_what_a_person_wrote(capture, tmp_path):
     assert read(capture).measurement.warnings == ()
     assert read_observations(tmp_path / "o.nc").warnings == ()
     again = capture.read_bytes()
-    workflow.ingest_to_file(capture, tmp_path / "o.nc", write_hashes=True, progress=lambda *_: None)
+    workflow.ingest_to_file(
+        capture, tmp_path / "o.nc", write_hashes=True, pictures=False, progress=lambda *_: None
+    )
     assert capture.read_bytes() == again
 
 
@@ -401,7 +407,9 @@ def test_observations_of_a_capture_are_the_capture(capture, tmp_path, monkeypatc
     quick(monkeypatch)
     edit(capture, 0)
     out = tmp_path / "deep" / "OBS.nc"
-    ingested = workflow.ingest_to_file(capture, out, write_hashes=False, progress=lambda *_: None)
+    ingested = workflow.ingest_to_file(
+        capture, out, write_hashes=False, pictures=False, progress=lambda *_: None
+    )
     stored = read_observations(out)
     for column in fields(stored.observations):
         np.testing.assert_array_equal(
@@ -428,7 +436,7 @@ def test_a_failed_ingest_writes_nothing(capture, tmp_path, write_hashes):
     before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
     with pytest.raises(ReflectanceFitError, match="ISO"):
         workflow.ingest_to_file(
-            capture, tmp_path / "OBS.nc", write_hashes=write_hashes, progress=lambda *_: None
+            capture, tmp_path / "OBS.nc", write_hashes=write_hashes, pictures=False, progress=lambda *_: None
         )
     after = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
     if write_hashes:  # which come first, and are right whatever the frames hold

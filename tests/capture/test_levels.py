@@ -77,6 +77,12 @@ def test_a_stated_black_is_not_replaced(tmp_path):
     assert decode(path).black.tolist() == [[123, 123], [123, 123]]
 
 
+def test_a_picture_that_begins_in_an_odd_row():
+    pixels = sensor(top=11, left=25)
+    found = measured_black(pixels, ((0, 0, 11, 160), (0, 0, 120, 25)), (11, 25), 16000.0)
+    np.testing.assert_allclose(found, CELL_BLACK, atol=0.5)
+
+
 def test_margins_that_are_no_black(tmp_path):
     lit = sensor(top=0, left=0)  # light everywhere
     assert measured_black(lit, (), (20, 24), 16000.0) is None

@@ -1,5 +1,6 @@
 """Captures whose photographs tell the geometry, from files on."""
 
+import copy
 import math
 import shutil
 from dataclasses import replace
@@ -15,7 +16,7 @@ from reflectance_fit.capture.read import read_capture
 from reflectance_fit.capture.spread import over_cone, over_region
 from reflectance_fit.data_synthetic.capture import write_capture
 from reflectance_fit.data_synthetic.sensor import Sensor
-from reflectance_fit.data_synthetic.spec import CaptureSpec, standard_spec
+from reflectance_fit.data_synthetic.spec import CaptureSpec, Setting, standard_spec
 from reflectance_fit.errors import ReflectanceFitError
 
 
@@ -34,12 +35,11 @@ def board(tmp_path_factory):
     folder = tmp_path_factory.mktemp("board")
     spec = replace(standard_spec("N-BK7", shape="board"), angles_deg=(45.0, 60.0))
     path = write_capture(folder, spec)
-    shutil.copy(folder / "raw" / "000.dng", folder / "raw" / "blank.dng")
 
     def blank(data):
         dark = next(f for f in data["frames"] if f["role"] == "dark")
         shutil.copy(folder / dark["file"], folder / "raw" / "blank.dng")
-        first = dict(data["frames"][0])
+        first = copy.deepcopy(data["frames"][0])
         data["frames"].append({**first, "file": "raw/blank.dng", "analyzer_deg": 20})
 
     edited(path, blank)
@@ -93,7 +93,9 @@ def test_a_stated_focal_length_and_a_cone_widen_the_angle(tmp_path):
 
 def test_a_ball_is_found_and_its_rings_have_a_sigma(tmp_path):
     spec = replace(
-        standard_spec("N-BK7", shape="sphere"), sensor=Sensor(width=400, height=300), analyzer_deg=(0.0, 90.0)
+        standard_spec("N-BK7", shape="sphere"),
+        sensor=Sensor(width=400, height=300),
+        settings=(Setting(0.0), Setting(90.0)),
     )
     path = write_capture(tmp_path, spec)
     stated = yaml.safe_load(path.read_text())["geometry"]["sphere"]

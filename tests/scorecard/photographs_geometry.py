@@ -48,15 +48,20 @@ def figures(pool: ProcessPoolExecutor, *, full: bool) -> Iterator[Figure]:
     stated = [pool.submit(tilts, seed, 0) for seed in seeds]
     calibrated = [pool.submit(tilts, seed, _GEOMETRY_VIEWS) for seed in seeds]
     balls = [pool.submit(ball, seed) for seed in seeds]
-    for how, jobs in (("lens known", stated), ("lens from the board", calibrated)):
+    # What is promised is of a lens that views of the board show; without any, its distortion stays unknown.
+    for how, jobs in (("views of the board", calibrated), ("focal length stated alone", stated)):
         name = f"tilt of a board up to 65 deg, {how}: largest error"
+        promised = jobs is calibrated
 
-        def of_tilts(found: list[list[Tilt]], name: str = name, how: str = how) -> Iterator[Figure]:
+        def of_tilts(
+            found: list[list[Tilt]], name: str = name, how: str = how, promised: bool = promised
+        ) -> Iterator[Figure]:
             errors = np.array([tilt.error_deg for one in found for tilt in one])
             z = np.array([tilt.error_deg / tilt.sigma_deg for one in found for tilt in one])
             worst = float(np.abs(errors).max())
             value = f"{worst:.3f} deg (rms {np.sqrt(np.mean(errors**2)):.3f}, N = {len(errors)})"
-            yield Figure.judged(name, value, target, worst <= MOST_DEG)
+            good = worst <= MOST_DEG
+            yield Figure.judged(name, value, target, good) if promised else Figure.reported(name, value)
             yield Figure.reported(
                 f"tilt of a board, {how}: rms error over sigma", f"{np.sqrt(np.mean(z**2)):.2f}"
             )

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from card import Figure
-from photographs_scenes import FloatArray, answers, board_spec, in_region, ingested
+from photographs_scenes import FOCAL_PX, SIZE, FloatArray, answers, board_spec, in_region, ingested
 
 from reflectance_fit.data_synthetic.rig import MONO_CHANNELS, STATED_DIATTENUATION, Faults, Setting
 from reflectance_fit.data_synthetic.spec import IMX250, CaptureSpec
@@ -21,6 +21,7 @@ from reflectance_fit.physics.fresnel import reflectances
 TILTS_DEG = (30.0, 45.0, 56.0, 65.0)
 LEAK = 0.96  # diattenuation: an extinction ratio of 49
 MOST_DOLP, MOST_AOLP_DEG = 2e-3, 0.05
+_APART_DEG = 0.3
 KINDS = ("analyzer before the lens", "polarizers on the pixels", "polarizers under colour filters", "TIFF")
 
 
@@ -34,7 +35,8 @@ class Light(NamedTuple):
 def about(*, full: bool) -> str:
     return (
         f"Polarization: boards at {', '.join(f'{t:g}' for t in TILTS_DEG)} deg, an analyzer of diattenuation {LEAK}, "
-        f"seeds 0 to {_seeds(full) - 1}; bias is the mean over seeds, the worst of views and channels is given."
+        f"seeds 0 to {_seeds(full) - 1}; bias is the mean over seeds, the worst of views and channels is given. "
+        "Of the sensor with polarizers under colour filters, pictures are twice as large."
     )
 
 
@@ -76,12 +78,19 @@ def spec_of(kind: str, seed: int) -> CaptureSpec:
     if kind == KINDS[0]:
         return spec
     under_filters = kind == KINDS[2]
-    sensor = replace(spec.sensor, pattern="RGGB" if under_filters else "MONO", layout_deg=IMX250)
-    if under_filters:  # whole cells of 4 x 4 pixels
-        sensor = replace(sensor, height=sensor.height // 4 * 4)
+    # A cell of 4 x 4 pixels is one point of the picture that the board is looked for in.
+    finer = 2 if under_filters else 1
+    sensor = replace(
+        spec.sensor,
+        width=finer * SIZE[0],
+        height=finer * SIZE[1],
+        pattern="RGGB" if under_filters else "MONO",
+        layout_deg=IMX250,
+    )
     return replace(
         spec,
         sensor=sensor,
+        optics=replace(spec.optics, focal_px=finer * FOCAL_PX),
         settings=(Setting(None),),
         channels=spec.channels if under_filters else MONO_CHANNELS,
         files="tiff" if kind == "TIFF" else "dng",
@@ -109,10 +118,10 @@ def lights(kind: str, seed: int) -> list[Light]:
 def _stokes(rows: Observations, of_view: FloatArray) -> FloatArray:
     """In the frame of s: each ring by weighted least squares, and their mean by pixels."""
     total, pixels = np.zeros(3), 0.0
-    # Rows of one ring are at one angle but for how many pixels of each plane it has.
-    ring = np.round(rows.theta_deg[of_view], 1)
-    for angle in np.unique(ring):
-        of_ring = np.flatnonzero(of_view)[np.abs(ring - angle) < 0.05]
+    # Rows of one ring are at one angle but for where the pixels of each plane are; rings are degrees apart.
+    number = np.flatnonzero(of_view)
+    number = number[np.argsort(rows.theta_deg[number])]
+    for of_ring in np.split(number, np.flatnonzero(np.diff(rows.theta_deg[number]) > _APART_DEG) + 1):
         phi, d = np.radians(rows.analyzer_deg[of_ring]), rows.diattenuation[of_ring]
         design = np.stack([np.ones_like(phi), d * np.cos(2 * phi), d * np.sin(2 * phi)], axis=1) / 2
         weight = 1 / rows.sigma[of_ring]

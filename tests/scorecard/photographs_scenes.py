@@ -50,11 +50,11 @@ def board_spec(seed: int, **changes: Any) -> CaptureSpec:
     return replace(known, **changes)
 
 
-def ingested(spec: CaptureSpec) -> tuple[Ingested, list[View]]:
-    """What comes of the photographs, and what they show."""
+def ingested(spec: CaptureSpec, *, all_used: bool = True) -> tuple[Ingested, list[View]]:
+    """What comes of the photographs, and what they show; an error where ``all_used`` and one is rejected."""
     with tempfile.TemporaryDirectory() as folder:
         found = ingest(read_capture(write_capture(Path(folder) / "capture", spec)))
-    if found.rejected:
+    if all_used and found.rejected:
         raise ReflectanceFitError("; ".join(f"{file} {reason}" for file, reason in found.rejected.items()))
     return found, list(views(spec))
 
