@@ -27,7 +27,7 @@ def ingest(capture: Path, out: Path, write_hashes: bool, no_pictures: bool) -> N
     \b
         reflectance-fit ingest capture.yaml -o obs.nc
     """
-    from reflectance_fit.workflow import ingest_to_file
+    from reflectance_fit.workflow_ingest import ingest_to_file
 
     from .progress import progress
     from .tables import print_frames

@@ -15,33 +15,29 @@ import numpy as np
 from pydantic import BaseModel
 
 from reflectance_fit.capture.frames import Capture
-from reflectance_fit.capture.ingest import Ingested, ingest
 from reflectance_fit.capture.manifest import Manifest as CaptureManifest
 from reflectance_fit.capture.read import read_capture
 from reflectance_fit.capture.truth import Truth
 from reflectance_fit.errors import Problem, ReflectanceFitError
-from reflectance_fit.files import check_writable, write_together, write_whole
+from reflectance_fit.files import check_writable, write_together
 from reflectance_fit.inference import checkpoint
 from reflectance_fit.inference.examine import examine
 from reflectance_fit.inference.ladder import METHODS, Method
 from reflectance_fit.inference.predict import predictor
 from reflectance_fit.inference.run import MODELS, fit_channel
 from reflectance_fit.inference.shared import share_dispersion
-from reflectance_fit.inputs import sha256_of
 from reflectance_fit.measured import Measurement, Note
 from reflectance_fit.measurement.manifest import Manifest
 from reflectance_fit.measurement.read import read_measurement
 from reflectance_fit.observations import Flag, Observations
 from reflectance_fit.observations_columns import observations_schema
-from reflectance_fit.observations_file import read_observations, write_observations
+from reflectance_fit.observations_file import read_observations
 from reflectance_fit.report.build import build_report
 from reflectance_fit.report.netcdf import write_posterior
 from reflectance_fit.report.schema import Report
 from reflectance_fit.report.write import report_yaml, write_text
 from reflectance_fit.result import Fit
 from reflectance_fit.strict_yaml import load
-from reflectance_fit.views import ViewMaps
-from reflectance_fit.yaml_edit import write_hashes_into
 
 Progress = Callable[[str, int, int], None]
 
@@ -50,7 +46,6 @@ _PICTURE = re.compile(
     r"(fit|residuals|corner|trace|autocorrelation|rank|prior_posterior|schlick|spectrum)(-[\w.-]+)?\.(png|svg)"
 )
 
-_VIEW = re.compile(r"view-\d+\.(png|svg)")
 
 # A spectrum of more channels gets the importance rung: emcee would take minutes.
 _FEW_CHANNELS = 16
@@ -258,64 +253,27 @@ def fit_to_folder(
     return result
 
 
-def ingest_to_file(
-    source: Path, out: Path, *, write_hashes: bool, pictures: bool, progress: Progress
-) -> Ingested:
-    """Read the photographs of a capture.yaml and write their observations to ``out``.
-
-    With ``write_hashes`` the sha256 of every frame is written into the
-    capture.yaml first.  With ``pictures`` what each view shows is drawn into
-    the folder ``pictures_of(out)``, in place of earlier pictures.
-    """
-    check_writable(out.parent)
-    folder = pictures_of(out)
-    if pictures:
-        check_writable(folder)
-    if write_hashes:
-        capture = read_capture(source)
-        hashes = {frame.file: sha256_of(frame.path) for frame in capture.frames}
-        write_whole(source, lambda part: write_hashes_into(source, part, hashes))
-    capture = read_capture(source)
-    if not pictures:
-        ingested = ingest(capture, progress=progress)
-        write_observations(ingested.measurement, out)
-        return ingested
-    results: list[Ingested] = []
-
-    def fill(stage: Path) -> None:
-        from reflectance_fit.plot.style import save
-        from reflectance_fit.plot.views import draw_view
-
-        number = itertools.count(1)
-
-        def seen(view: ViewMaps) -> None:
-            save(draw_view(view), stage, f"view-{next(number):02d}")
-
-        results.append(ingest(capture, progress=progress, seen=seen))
-        write_observations(results[0].measurement, out)
-
-    earlier = [path for path in folder.glob("*") if _VIEW.fullmatch(path.name)]
-    write_together(folder, fill, last="view-01.png", superseded=earlier)
-    return results[0]
-
-
-def pictures_of(out: Path) -> Path:
-    """The folder of pictures beside an OBS.nc: OBS-pictures."""
-    return out.with_name(f"{out.stem}-pictures")
-
-
 def _measurement(source: Capture | Path | str, progress: Progress | None) -> Measurement:
     """What ``source`` comes to, by what it is: the ending of an OBS.nc, the schema of a manifest."""
     if isinstance(source, Capture):
-        return ingest(source, progress=progress).measurement
+        return _photographs(source, progress)
     path = Path(source)
     if path.suffix == ".nc":
         return read_observations(path)
     data = load(path).data
     schema = str(data.get("schema", "")) if isinstance(data, dict) else ""
     if schema.startswith("reflectance_fit/capture/"):
-        return ingest(read_capture(path), progress=progress).measurement
+        return _photographs(read_capture(path), progress)
     return read_measurement(path)
+
+
+def _photographs(capture: Capture, progress: Progress | None) -> Measurement:
+    """What a capture comes to."""
+    from reflectance_fit.capture.ingest import (
+        ingest,  # here, for tables need nothing of what reads photographs
+    )
+
+    return ingest(capture, progress=progress).measurement
 
 
 def json_schema(name: str) -> dict[str, Any]:

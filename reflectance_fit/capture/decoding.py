@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from reflectance_fit.capture.align import align
 from reflectance_fit.capture.bins import Bins, Mask, Shift
 from reflectance_fit.capture.calibrate import pixel_noise
 from reflectance_fit.capture.frames import Capture, Exposure, Frame, darks_for, flats_for
@@ -46,6 +45,10 @@ def shifts_of(
     """By frame its shift against the first of its view, and why others do not register."""
     if capture.registration == "none":
         return {}, {}
+    from reflectance_fit.capture.align import (
+        align,  # here, for its Fourier transforms and OpenCV take a second
+    )
+
     views = views_of(capture, frames)
     samples = {view[0].path: bins_of(capture, view[0]).box() for view in views if view[0].region}
     files = [[frame.path for frame in view] for view in views]

@@ -10,7 +10,6 @@ from collections.abc import Iterable
 from dataclasses import astuple, dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -148,6 +147,8 @@ def _site(
     frame: RawFrame, grid: CellGrid, site: tuple[int, int], moved: tuple[int, int], *, clipped: bool
 ) -> Picture:
     """The means over the pixels of one position of the pattern; NaN where the cells leave the picture."""
+    import cv2  # here, for only workers need it
+
     n = len(frame.channels)
     height, width = frame.cfa.shape
     # Cells that are inside the picture, moved.

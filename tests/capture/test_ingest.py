@@ -25,6 +25,7 @@ from reflectance_fit.data_synthetic.spec import CaptureSpec
 from reflectance_fit.errors import ReflectanceFitError
 from reflectance_fit.inference import posterior
 from reflectance_fit.observations_file import read_observations
+from reflectance_fit.workflow_ingest import ingest_to_file
 
 SPEC = CaptureSpec("N-BK7", angles_deg=(45.0, 60.0), sensor=Sensor(width=96, height=64), seed=4)
 SAMPLES = 8
@@ -143,7 +144,7 @@ def test_write_hashes_keeps_what_a_person_wrote(capture, tmp_path):
     assert "# all of them" in text
     capture.write_text(text)
     said = []
-    workflow.ingest_to_file(
+    ingest_to_file(
         capture,
         tmp_path / "o.nc",
         write_hashes=True,
@@ -167,9 +168,7 @@ def test_write_hashes_keeps_what_a_person_wrote(capture, tmp_path):
     assert read(capture).measurement.warnings == ()
     assert read_observations(tmp_path / "o.nc").warnings == ()
     again = capture.read_bytes()
-    workflow.ingest_to_file(
-        capture, tmp_path / "o.nc", write_hashes=True, pictures=False, progress=lambda *_: None
-    )
+    ingest_to_file(capture, tmp_path / "o.nc", write_hashes=True, pictures=False, progress=lambda *_: None)
     assert capture.read_bytes() == again
 
 
@@ -407,9 +406,7 @@ def test_observations_of_a_capture_are_the_capture(capture, tmp_path, monkeypatc
     quick(monkeypatch)
     edit(capture, 0)
     out = tmp_path / "deep" / "OBS.nc"
-    ingested = workflow.ingest_to_file(
-        capture, out, write_hashes=False, pictures=False, progress=lambda *_: None
-    )
+    ingested = ingest_to_file(capture, out, write_hashes=False, pictures=False, progress=lambda *_: None)
     stored = read_observations(out)
     for column in fields(stored.observations):
         np.testing.assert_array_equal(
@@ -435,7 +432,7 @@ def test_a_failed_ingest_writes_nothing(capture, tmp_path, write_hashes):
     edit(capture, 1, iso=200)
     before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
     with pytest.raises(ReflectanceFitError, match="ISO"):
-        workflow.ingest_to_file(
+        ingest_to_file(
             capture, tmp_path / "OBS.nc", write_hashes=write_hashes, pictures=False, progress=lambda *_: None
         )
     after = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}

@@ -9,7 +9,7 @@ import pytest
 import yaml
 from click.testing import CliRunner, Result
 
-from reflectance_fit import demonstration, workflow
+from reflectance_fit import demonstration, workflow_ingest
 from reflectance_fit.cli.main import cli
 from reflectance_fit.data_synthetic import capture as synthesis
 from reflectance_fit.data_synthetic.capture import write_capture
@@ -167,7 +167,7 @@ def test_an_interrupted_write_of_hashes_leaves_the_file(capture, tmp_path, monke
         out.write_text("half")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(workflow, "write_hashes_into", interrupted)
+    monkeypatch.setattr(workflow_ingest, "write_hashes_into", interrupted)
     assert run("ingest", capture, "-o", tmp_path / "o.nc", "--write-hashes").exit_code == 130
     assert capture.read_bytes() == before
     assert sorted(os.listdir(capture.parent)) == ["capture.yaml", "raw", "truth.yaml"]

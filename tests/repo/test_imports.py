@@ -22,7 +22,7 @@ LAYERS = (
     | {"files", "inputs", "manifests", "measured", "nuisances", "observations_columns", "observations_file"}
     | {"views", "yaml_edit"},
     {"measurement", "capture", "inference", "report", "plot", "data_synthetic"},
-    {"workflow", "workflow_schlick", "workflow_plan", "workflow_board", "planning"},
+    {"workflow", "workflow_schlick", "workflow_plan", "workflow_board", "workflow_ingest", "planning"},
     {"demonstration"},
     {"cli"},
 )
