@@ -154,7 +154,7 @@ def test_an_interrupted_reading_leaves_nothing(capture, tmp_path, monkeypatch, v
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("reflectance_fit.capture.ingest.calibrate", interrupted)
+    monkeypatch.setattr("reflectance_fit.capture.signals.calibrate", interrupted)
     result = run(verb, capture, "-o", tmp_path / "out.nc")
     assert result.exit_code == 130
     assert sorted(os.listdir(tmp_path)) == ["glass"]
