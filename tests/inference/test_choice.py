@@ -63,6 +63,13 @@ def test_nothing_is_added_to_a_clean_glass(rows_of, priors):
     assert [t.optimum.bic for t in found.tried] == sorted(t.optimum.bic for t in found.tried)
 
 
+def test_sigmas_stated_too_small_are_no_reason_for_a_nuisance(rows_of, priors):
+    """Where all residuals are four times too large, so is every fall of chi2 by a parameter without meaning."""
+    for seed in range(6):
+        o = scan(rows_of, 1.5, seed=seed, share=0.004)
+        assert chosen(replace(o, sigma=o.sigma / 4), priors).chosen.nuisances == ()
+
+
 @pytest.mark.parametrize("fault", ["offset", "stray"])
 def test_a_fault_that_looks_like_k_is_found_instead(rows_of, priors, fault):
     """Glass whose angles are 1 degree off, or with 1 % of stray light: alone, the conductor would be taken."""

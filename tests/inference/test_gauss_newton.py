@@ -10,6 +10,7 @@ from scipy.optimize import minimize
 
 from reflectance_fit.inference import models, search
 from reflectance_fit.inference.gauss_newton import descend_all
+from reflectance_fit.inference.likelihood import deviances
 from reflectance_fit.inference.normal_equations import normal_equations
 from reflectance_fit.inference.problem import objective, problem_of
 from reflectance_fit.inference.rows import estimated_names, gain_names, pack
@@ -46,6 +47,15 @@ def case(rows_of, priors, kind):
 def scalar(rows, problem):
     whitened, gains = np.empty(len(rows.value)), np.empty(rows.gains)
     return lambda x: objective(rows, problem, x, whitened, gains)
+
+
+@pytest.mark.parametrize("kind", ["stated", "errors of the angle", "censored", "estimated sigmas"])
+def test_the_objective_is_the_deviance_and_the_penalties(rows_of, priors, kind):
+    """Without the constant of the stated sigmas, so that chi2 alone is left where they are all stated."""
+    model, rows, _ = case(rows_of, priors, kind)
+    x = np.array([np.log(1.9), 1.2, 0.3, *(0.7 for _ in model.names[3:])])
+    expected = deviances(rows, model.full(x[None]))[0] + (0.3 / 0.5) ** 2
+    assert scalar(rows, problem_of(model, rows))(x) == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["stated", "errors of the angle", "censored", "estimated sigmas"])

@@ -55,6 +55,9 @@ def test_glass_is_a_dielectric_with_an_upper_limit_on_k(rows_of, priors):
     )
     assert found.intervals["k"].status == "upper_limit"
     assert 0 < found.intervals["k"].ci95[1] < 0.3
+    assert np.mean(found.k_posterior.samples["k"] < found.intervals["k"].ci95[1]) == pytest.approx(
+        0.95, abs=1e-3
+    )
     eta = found.intervals["eta"]
     assert abs(eta.median - 1.5) < 4 * eta.sd
     # k = 0: one Brewster angle, arctan(eta), draw by draw.
