@@ -75,6 +75,10 @@ class BoardScene:
         cosine, s_axis = self._incidence(self.camera.rays(x, y))
         return np.arccos(cosine), s_axis
 
+    @property
+    def is_curved(self) -> bool:
+        return False
+
     def part(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.intp]:
         """Which part is seen at points x, y."""
         return self._part(self.camera.rays(x, y))
@@ -140,6 +144,10 @@ class BallScene:
         cosine, s_axis[on] = self._incidence(rays[on])
         theta[on] = np.arccos(cosine)
         return theta, s_axis
+
+    @property
+    def is_curved(self) -> bool:
+        return True
 
     def part(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.intp]:
         """Which part is seen, as `rim` counts them."""

@@ -60,6 +60,10 @@ class FlatScene:
         reflected = np.expand_dims(reflected, tuple(range(np.ndim(eta), np.ndim(eta) + inside.ndim)))
         return np.where(inside[..., None], reflected, self.stray * unpolarized())
 
+    @property
+    def is_curved(self) -> bool:
+        return False
+
     def part(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.intp]:
         """Which part is seen: one for all, because the outline runs between pixels."""
         return np.zeros(np.broadcast_shapes(np.shape(x), np.shape(y)), dtype=np.intp)
@@ -106,6 +110,10 @@ class SphereScene:
         s_axis = np.arctan2(up, right)[on] + np.pi / 2
         stokes[..., on, :] = mirrored(cosine, s_axis, self.light, eta, k)
         return stokes
+
+    @property
+    def is_curved(self) -> bool:
+        return True
 
     def part(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.intp]:
         """Which part is seen, as `rim` counts them."""

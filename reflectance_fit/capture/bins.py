@@ -59,6 +59,9 @@ class AngleBins(Protocol):
     def analyzer(self) -> float | None: ...
     @property
     def count(self) -> int: ...
+    @property
+    def curvature(self) -> float:
+        """Of a ball, radians a pixel where it is seen face on; 0 of a plane, over a pixel of which angles are one."""
 
     def box(self) -> Box:
         """Rows and columns outside of which there is nothing."""
@@ -85,6 +88,10 @@ class SphereBins:
     @property
     def count(self) -> int:
         return (len(self.edges) - 1) * self.sectors
+
+    @property
+    def curvature(self) -> float:
+        return 1.0 / self.radius
 
     def box(self) -> Box:
         top, left = (max(0, math.floor(c - self.radius)) for c in (self.center_y, self.center_x))

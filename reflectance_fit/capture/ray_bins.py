@@ -28,6 +28,10 @@ class PlaneBins:
     def count(self) -> int:
         return (len(self.edges) - 1) * self.sectors
 
+    @property
+    def curvature(self) -> float:
+        return 0.0
+
     def box(self) -> Box:
         return self.region.box()
 
@@ -53,6 +57,10 @@ class BallBins:
     @property
     def count(self) -> int:
         return (len(self.edges) - 1) * self.sectors
+
+    @property
+    def curvature(self) -> float:
+        return 1.0 / (self.camera.focal_px * math.tan(self.half_angle))
 
     def box(self) -> Box:
         around = self.camera.pixels(rim(np.array(self.axis), self.half_angle, _RIM))

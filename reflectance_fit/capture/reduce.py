@@ -275,5 +275,23 @@ def _add_angles(
         sums.pixels[:] += total(None)
         sums.saturated[:] += total((dn >= clip).astype(np.float64))
         sums.level[:] += total(signal)
-        for row, values in enumerate((theta, theta**2, np.cos(2 * phi), np.sin(2 * phi))):
+        for row, values in enumerate(_over_pixels(theta, phi, bins.curvature)):
             sums.angles[row] += total(weight * values)
+
+
+def _over_pixels(
+    theta: FloatArray, phi: FloatArray, curvature: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Means over each pixel's square of theta, its square, cos 2 phi and sin 2 phi, given those at the middle.
+
+    On a ball sin(theta) is the distance from its middle in units of the radius,
+    1 / ``curvature`` pixels, and phi goes with the direction.  To second order a
+    mean is the value plus 1/24 of the Laplacian, pixels being 1 wide.
+    """
+    if curvature == 0.0:
+        return theta, theta**2, np.cos(2 * phi), np.sin(2 * phi)
+    sine, cosine = np.sin(theta), np.cos(theta)
+    square = curvature**2
+    mean = theta + square / 24 * (sine / cosine**3 + 1 / (sine * cosine))
+    turned = 1 - square / (6 * sine**2)
+    return mean, mean**2 + square / (12 * cosine**2), turned * np.cos(2 * phi), turned * np.sin(2 * phi)

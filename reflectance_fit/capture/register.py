@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft2, rfft2
+from scipy.ndimage import affine_transform
 
 from reflectance_fit.capture.bins import Box, Shift
 from reflectance_fit.capture.raw import RawFrame
@@ -27,9 +28,8 @@ LEAST_CORRELATION = 0.9
 
 _LARGEST = 1_000_000  # pixels of a picture that is compared
 # Pixels: what is finer is texture, what is coarser is shading, and over how far contrast is evened out.
-_SHADING, _CONTRAST = 6.0, 18.0
-# Interpolation between pixels shifts what is finer than this by up to 0.01 pixels.
-_SMOOTH = 2.0
+_SHADING, _CONTRAST = 4.0, 18.0
+_SMOOTH = 1.0
 _MARGIN = 40  # beside which the local mean takes its pixels from one side only
 _BESIDE = 12  # blocks: twice what a local mean reaches
 _DARK = 0.02  # of the bright parts: logarithms below it would be those of noise
@@ -119,18 +119,33 @@ def _climb(one: Picture, two: Picture, inside: NDArray[np.uint8], motion: Motion
     right, down = _seed(one * inside, two * inside)
     seed = np.array([[1.0, 0.0, right], [0.0, 1.0, down]], dtype=np.float32)
     kind = cv2.MOTION_TRANSLATION if motion == "translation" else cv2.MOTION_EUCLIDEAN
+    warp = np.vstack([seed, (0.0, 0.0, 1.0)])
     try:
-        correlation, warp = cv2.findTransformECC(one, two, seed, kind, _ENOUGH, inside, 1)
+        # It interpolates linearly, which is another blur at each fraction of a pixel and pulls by up to 0.02 of
+        # one.  So the picture is moved by a spline to where it was found, and what is left is found once more.
+        for _ in range(2):
+            start = np.eye(2, 3, dtype=np.float32)
+            correlation, step = cv2.findTransformECC(one, _moved(two, warp), start, kind, _ENOUGH, inside, 1)
+            warp = warp @ np.vstack([step, (0.0, 0.0, 1.0)])
     except cv2.error:  # it does not converge, or the pictures have nothing in common
         return Match(Shift(), 0.0)
     # The first pixel of a block is 0, the block's centre is not.
     centre = (pitch - 1.0) / 2.0
-    (a, b, right), (c, d, down) = np.asarray(warp, dtype=np.float64).tolist()
+    (a, b, right), (c, d, down) = warp[:2].tolist()
     offset = (
         pitch * right + centre * (1.0 - a - b),
         pitch * down + centre * (1.0 - c - d),
     )
     return Match(Shift(((a, b), (c, d)), offset), max(float(correlation), 0.0))
+
+
+def _moved(picture: Picture, warp: NDArray[np.float64]) -> Picture:
+    """What ``picture`` shows at ``warp`` of each place (x, y); edges are repeated."""
+    (a, b, right), (c, d, down) = warp[:2].tolist()
+    # scipy counts rows first.
+    return np.asarray(
+        affine_transform(picture, [[d, c], [b, a]], (down, right), order=3, mode="nearest"), dtype=np.float32
+    )
 
 
 def _textures(picture: Picture) -> Picture:

@@ -9,7 +9,7 @@ import pytest
 
 from reflectance_fit.capture.bins import Mask, Region, Shift, SphereBins
 from reflectance_fit.capture.raw import Plane, RawFrame
-from reflectance_fit.capture.reduce import reduce_frame
+from reflectance_fit.capture.reduce import _over_pixels, reduce_frame
 from reflectance_fit.data_synthetic.sensor import Sensor, expose, fixed_pattern
 
 WIDTH, HEIGHT = 50, 38
@@ -96,9 +96,27 @@ def sphere_bin(bins):
         sx, sy = -up / r, right / r
         c, s = ax * sx + ay * sy, sx * ay - sy * ax  # of the angle from s to the analyzer
         sector = int(math.atan2(s, c) % math.pi / math.pi * bins.sectors) % bins.sectors
-        return ring[0] * bins.sectors + sector, (theta, theta**2, c * c - s * s, 2 * s * c)
+        # The area of a pixel has a test of its own.
+        means = _over_pixels(np.array(theta), np.array(math.atan2(s, c)), 1 / bins.radius)
+        return ring[0] * bins.sectors + sector, tuple(map(float, means))
 
     return bin_of
+
+
+@pytest.mark.parametrize("radius", [150.0, 400.0])
+@pytest.mark.parametrize("theta_deg", [10.0, 30.0, 55.0, 70.0])
+def test_a_pixel_of_a_ball_is_a_square(radius, theta_deg):
+    """Against 40 x 40 points of the pixel; the next order is the fourth."""
+    middle = radius * math.sin(math.radians(theta_deg)) * np.array([math.cos(0.7), math.sin(0.7)])
+    offset = (np.arange(40) + 0.5) / 40 - 0.5
+    x, y = (middle[0] + offset)[None], (middle[1] + offset)[:, None]
+    theta, phi = np.arcsin(np.hypot(x, y) / radius), 0.4 - np.arctan2(y, x)
+    expected = [np.mean(values) for values in (theta, theta**2, np.cos(2 * phi), np.sin(2 * phi))]
+    point = np.radians(theta_deg), np.array(0.4 - 0.7)
+    found = _over_pixels(*point, 1 / radius)
+    corrected = np.abs(np.array(found) - expected)
+    naive = np.abs(np.array(_over_pixels(*point, 0.0)) - expected)
+    assert (corrected < 0.02 * naive).all()
 
 
 @pytest.mark.parametrize("pattern", [*PATTERNS, "MONO"])

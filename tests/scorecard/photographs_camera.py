@@ -83,9 +83,12 @@ def registered(seed: int) -> FloatArray:
             shown = [
                 view_of(read_frame(f.path, capture.reading)) for f in samples[at : at + len(ANALYZER_DEG)]
             ]
+            assert samples[at].region is not None
+            x0, y0, x1, y1 = samples[at].region
+            sample = slice(y0, y1), slice(x0, x1)
             start = np.array(spec.optics.shift_px(ANALYZER_DEG[0]))
             for view, analyzer_deg in zip(shown[1:], ANALYZER_DEG[1:], strict=True):
-                found = match(shown[0], view, "translation")
+                found = match(shown[0], view, "translation", sample)
                 true = np.array(spec.optics.shift_px(analyzer_deg)) - start
                 errors.append(np.array(found.shift.offset) - true if found.found else np.full(2, np.inf))
     return np.array(errors)
