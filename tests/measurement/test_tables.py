@@ -87,12 +87,12 @@ def test_a_header_that_is_there_twice(tmp_path):
 @pytest.mark.parametrize(
     ("row", "message"),
     [
-        ("4 x", "signal: 'x' is not a number"),
+        ("4 x", "signal: 'x' is not a number; correct it, or remove the row"),
         ("4 nan", "signal: 'nan' is not a finite number; remove the row"),
         ("4 -Infinity", "signal: '-Infinity' is not a finite number; remove the row"),
         ("4 1e999", "signal: '1e999' is not a finite number; remove the row"),
-        ("4 1_0", "signal: '1_0' is not a number"),
-        ("4 \u0663", "signal: '\u0663' is not a number"),
+        ("4 1_0", "signal: '1_0' is not a number; correct it, or remove the row"),
+        ("4 \u0663", "signal: '\u0663' is not a number; correct it, or remove the row"),
         ("4", "has 1 columns; column 1 (signal, counted from 0) is missing"),
         ("4,5 2", "theta_deg: '4,5' has a decimal comma; write 4.5"),
     ],
@@ -107,7 +107,7 @@ def test_decimal_commas_are_named_whatever_separates(tmp_path, text):
 
 
 def test_an_empty_field(tmp_path):
-    assert problems(tmp_path, "1,2\n1,,3\n") == [(2, "signal: is empty")]
+    assert problems(tmp_path, "1,2\n1,,3\n") == [(2, "signal: is empty; correct it, or remove the row")]
 
 
 def test_a_header_read_as_data_says_what_to_do(tmp_path):
