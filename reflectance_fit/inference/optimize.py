@@ -56,16 +56,17 @@ class _Watched:
         ranges: FloatArray,
         gradient: Callable[[FloatArray], FloatArray] | None,
     ):
-        self.objective, self.ranges, self.gradient = objective, ranges, gradient
+        self.objective, self.gradient = objective, gradient
+        self.low, self.high = ranges.T
         self.x, self.value = start.copy(), np.inf
         self.nan_count = self.evaluations = 0
 
     def __call__(self, x: FloatArray, slope: FloatArray) -> float:
         self.evaluations += 1
         # BOBYQA searches in units of the steps and, coming back from them, ends an ulp beyond a bound: no point of the
-        # model, and one that nlopt itself refuses as a start.  What clip returns can also be written, unlike
+        # model, and one that nlopt itself refuses as a start.  What comes of it can also be written, unlike
         # nlopt's vector: that is another type, for which kernels would be compiled once more.
-        x = np.clip(x, *self.ranges.T)
+        x = np.minimum(np.maximum(x, self.low), self.high)
         value = float(self.objective(x))
         if slope.size and self.gradient is not None:
             slope[:] = np.nan_to_num(self.gradient(x), nan=0.0, posinf=_WALL, neginf=-_WALL)
@@ -130,9 +131,9 @@ def _run(method: Method, seen: _Watched, start: FloatArray, ranges: FloatArray, 
     search.set_ftol_abs(1e-10)
     search.set_xtol_rel(1e-10)
     search.set_maxeval(_MAX_EVALUATIONS[method])
-    # Where a step wins less than rounding loses, BOBYQA stops by an exception; the best point seen is kept.  Nothing
-    # else that nlopt raises is expected.
-    with suppress(nlopt.RoundoffLimited):
+    # Where a step wins less than rounding loses, BOBYQA stops by the first exception and SLSQP, whose line search
+    # then fails, by the second; the best point seen is kept.  Nothing else that nlopt raises is expected.
+    with suppress(nlopt.RoundoffLimited, nlopt.runtime_error):
         search.optimize(start.copy())
 
 
