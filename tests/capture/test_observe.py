@@ -40,7 +40,19 @@ frames:
   - {file: b.dng, analyzer_deg: 60}
   - {file: c.dng, analyzer_deg: 120}
 """
-BALL = SphereBins(31.3, 24.2, 20.0, 0.0, tuple(np.radians([8.0, 30.0, 50.0, 76.0])), 6)
+
+
+class OfPoints(SphereBins):
+    """A ball seen by pixels without an area, as the pictures here are drawn."""
+
+    __slots__ = ()
+
+    @property
+    def curvature(self):
+        return 0.0
+
+
+BALL = OfPoints(31.3, 24.2, 20.0, 0.0, tuple(np.radians([8.0, 30.0, 50.0, 76.0])), 6)
 ALL = Region()
 SENSOR = Sensor(width=64, height=48, prnu=0.0, dsnu_dn=0.0)
 
