@@ -37,7 +37,8 @@ class Outcome(NamedTuple):
 def about(*, full: bool) -> str:
     return (
         f"Fits: {_seeds(full)} captures of a board, seeds 0 to {_seeds(full) - 1}, tilts of 30 to 65 deg and four analyzer "
-        "angles, prints out of scale by 0.05 % (1 sd) in x and y, an analyzer off by 0.3 deg (1 sd), lens from {_GEOMETRY_VIEWS} views of the board; "
+        "angles, prints out of scale by 0.05 % (1 sd) in x and y, an analyzer off by 0.3 deg (1 sd), lens from "
+        f"{_GEOMETRY_VIEWS} views of the board; "
         f"a sensor without colour filters at {CHANNEL} nm, model given, effective sample size of at least {MIN_ESS:.0f}."
     )
 
