@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
-from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt, label, zoom
+from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt, label, map_coordinates
 
 from reflectance_fit.views import BoolArray, FloatArray, StokesMaps
 
@@ -152,8 +152,10 @@ def _smooth(level: FloatArray) -> FloatArray:
         return np.full_like(level, np.nan)
     # Blocks without a median take that of the nearest block.
     nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
-    factors = (height / rows, width / columns)
-    return np.asarray(zoom(medians[tuple(nearest)], factors, order=1, grid_mode=True, mode="nearest"))
+    # Beyond the middles of the outer blocks it goes on as it went, or a slope would stand out at the edges.
+    wider = np.pad(medians[tuple(nearest)], 1, mode="reflect", reflect_type="odd")
+    y, x = ((np.arange(n) + 0.5) * blocks / n + 0.5 for n, blocks in ((height, rows), (width, columns)))
+    return np.asarray(map_coordinates(wider, np.meshgrid(y, x, indexing="ij"), order=1))
 
 
 def _medians(values: FloatArray, block: NDArray[np.int64], count: int) -> FloatArray:

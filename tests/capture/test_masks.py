@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from reflectance_fit.capture.masks import Rings, highlights, stray_light
 from reflectance_fit.data_synthetic.scenes import FlatScene, SphereScene, analyzer_weights
 from reflectance_fit.physics.stokes import unpolarized
-from reflectance_fit.views import stokes_maps
+from reflectance_fit.views import StokesMaps, stokes_maps
 
 SIDE = 240
 Y, X = np.mgrid[:SIDE, :SIDE].astype(float)
@@ -100,3 +100,11 @@ def test_a_textured_sample_is_no_field_of_highlights(scene):
     maps = measured(stokes, 4, texture=texture)
     assert highlights(maps, inside, rings).mean() < 1e-3
     assert not stray_light(maps, inside, rings).any()
+
+
+def test_a_slope_does_not_stand_out_at_the_edges():
+    """Light that grows sixfold across the picture, as beside a near lamp: nothing of it is a highlight."""
+    level = np.broadcast_to(np.linspace(1500.0, 9000.0, 375), (250, 375))
+    noise = np.random.default_rng(6).normal(1.0, 0.002, level.shape)
+    stokes = StokesMaps(level * noise, np.zeros(level.shape), np.zeros(level.shape), None)
+    assert not highlights(stokes, np.ones(level.shape, dtype=bool)).any()
