@@ -148,7 +148,7 @@ def descend_all(
         fresh = True  # whether the normal equations are still to be set up at x
         probe, ahead = -1, 0.0  # which difference comes next, and the first of its two values
         while True:
-            # Every evaluation of the objective is this one: the kernel is pasted wherever it is called.
+            # Every evaluation of the objective is this one: a second call would be compiled for seconds.
             for j in range(size):
                 if probe >= 0:
                     trial[j] = x[j]
