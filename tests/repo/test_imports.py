@@ -21,7 +21,7 @@ LAYERS = (
     {"observations", "examination", "material", "materials", "priors", "result", "errors", "strict_yaml"}
     | {"files", "inputs", "manifests", "measured", "nuisances", "observations_columns", "observations_file"}
     | {"views", "yaml_edit"},
-    {"measurement", "capture", "inference", "report", "plot", "data_synthetic"},
+    {"measurement", "capture", "inference", "report", "plot", "data_synthetic", "render"},
     {"workflow", "workflow_schlick", "workflow_plan", "workflow_board", "workflow_ingest", "planning"},
     {"demonstration"},
     {"cli"},
