@@ -67,14 +67,14 @@ def child(script: str, job: Any, seconds: float = SECONDS) -> Any:
         return pickle.loads(answer.read_bytes())
 
 
-def renders(scene: Scene, mode: Mode, samples: int, groups: int) -> Floats | str:
-    """Independent pictures, shape (groups, height, width, C, S), in our frame and linear sRGB; or why there are none."""
+def renders(scene: Scene, mode: Mode, samples: int, seeds: range) -> Floats | str:
+    """Independent pictures, shape (seeds, height, width, C, S), in our frame and linear sRGB; or why there are none."""
     if library() is None:
         return f"no LLVM 19 found; install libllvm19 or set {LIBRARY}"
-    return child(__file__, (scene, mode, samples, groups))
+    return child(__file__, (scene, mode, samples, seeds))
 
 
-def _renders(scene: Scene, mode: Mode, samples: int, groups: int) -> Floats:
+def _renders(scene: Scene, mode: Mode, samples: int, seeds: range) -> Floats:
     import drjit
     import mitsuba
 
@@ -84,7 +84,7 @@ def _renders(scene: Scene, mode: Mode, samples: int, groups: int) -> Floats:
     theirs = mitsuba.load_dict(translated(scene, mode))
     channels = 1 if mode in ("scalar", "polarized") else 3
     found = []
-    for seed in range(groups):
+    for seed in seeds:
         picture = np.array(mitsuba.render(theirs, seed=seed, spp=samples), dtype=np.float64)
         if "polarized" in mode:
             stokes = picture[..., -12:].reshape(*picture.shape[:2], 4, 3)
