@@ -187,5 +187,6 @@ def meet(has: Has, F: Floats, I: Words, tables: Tables) -> None:  # noqa: E741
         F[NX + j], F[NY + j], F[NZ + j] = nx, ny, nz
         F[PX + j], F[PY + j], F[PZ + j] = x + (px + off * nx), y + (py + off * ny), z + (pz + off * nz)
         kind = shape_ids[u32(u32(s * u32(SHAPE_IDS)) + u32(OF_KIND))]
+        I[MET + j] = s  # a shape there is, for lanes that are listed without need
         asleep = I[STATE + j] != u32(0)
         I[KIND + j] = sel(asleep, u32(10), sel(missed, u32(MISS), kind))

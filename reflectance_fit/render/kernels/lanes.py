@@ -62,8 +62,8 @@ CENTER, NORMAL, EDGE_U, EDGE_V, RADIUS, CURVATURE, RADIUS2, ALPHA, M0, M1, M2, M
     0, 3, 6, 9, 12, 13, 14, 15, 16, 17, 18, 19,
 )  # fmt: skip
 # and kind, curves of eta, k and reflectance, light, texture.
-SHAPE_IDS = 9
-OF_KIND, OF_ETA, OF_K, OF_COLOUR, OF_LIGHT, OF_TEXTURE, OF_R0, OF_B, OF_A = range(9)
+SHAPE_IDS = 10
+OF_KIND, OF_ETA, OF_K, OF_COLOUR, OF_LIGHT, OF_TEXTURE, OF_R0, OF_B, OF_A, OF_POWER = range(10)
 
 # One light: position or direction, normal, half edges, area or radius, how often it is chosen, alias table, Stokes vector, axis.
 LAMPS = 24
@@ -91,7 +91,7 @@ class Has(NamedTuple):
     sheets: tuple[int, ...]
     textures: tuple[int, ...]
     dispersive: tuple[int, ...]
-    approximate: tuple[int, ...]  # one: r0, b and a; two: by eta and k
+    approximate: tuple[int, ...]  # one: r0, b, a and power 6; two: by eta and k; three: any power
 
 
 class Tables(NamedTuple):

@@ -30,6 +30,7 @@ from reflectance_fit.render.kernels.lanes import (
     OF_B,
     OF_ETA,
     OF_K,
+    OF_POWER,
     OF_R0,
     QA,
     QB,
@@ -64,6 +65,19 @@ u32 = np.uint32
 
 
 @vectorised
+def approximated(has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float) -> float:
+    """r0 + b (1 - c)^5 - a c (1 - c)^power with the surface's coefficients; the power is 6 but for one form."""
+    r0 = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_R0))], channel, j)
+    b = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_B))], channel, j)
+    a = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_A))], channel, j)
+    if len(has.approximate) == 1:
+        return approximate(c, r0, b, a)
+    power = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_POWER))], channel, j)
+    zero = like(0.0, c)
+    return approximate(c, r0, b, zero) - a * c * max(like(1.0, c) - c, zero) ** power
+
+
+@vectorised
 def glass_reflectance(
     has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float, front: bool
 ) -> tuple[float, float, float]:
@@ -76,11 +90,8 @@ def glass_reflectance(
     if len(has.approximate) > 0:
         # On the side of the lower index; total reflection is what it is.
         thin = sel(relative >= one, c, cos_t)
-        if len(has.approximate) == 1:
-            r0 = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_R0))], channel, j)
-            b = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_B))], channel, j)
-            a = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_A))], channel, j)
-            form = approximate(thin, r0, b, a)
+        if len(has.approximate) != 2:
+            form = approximated(has, F, tables, shape, channel, j, thin)
         else:
             form = large_index(thin, sel(relative >= one, relative, one / relative), like(0.0, c))
         power = sel(cos_t > like(0.0, c), form, one)
@@ -90,11 +101,8 @@ def glass_reflectance(
 @vectorised
 def metal_reflectance(has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float) -> float:
     """Reflectance of a metal for unpolarized light, by the Fresnel form in use."""
-    if len(has.approximate) == 1:
-        r0 = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_R0))], channel, j)
-        b = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_B))], channel, j)
-        a = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_A))], channel, j)
-        return approximate(c, r0, b, a)
+    if len(has.approximate) == 1 or len(has.approximate) == 3:
+        return approximated(has, F, tables, shape, channel, j, c)
     eta = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_ETA))], channel, j)
     k = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_K))], channel, j)
     if len(has.approximate) == 2:
