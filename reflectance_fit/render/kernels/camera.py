@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from reflectance_fit.physics.jit import vectorised
+from reflectance_fit.physics.jit import stage
 from reflectance_fit.render.kernels.lanes import (
     AX,
     AY,
@@ -45,7 +45,7 @@ u32 = np.uint32
 AT, AXIS, MOVE_X, MOVE_Y, TURN_X, TURN_Y, RIGHT, STEP, FIRST_ROWS = 0, 3, 6, 9, 12, 15, 18, 21, 23
 
 
-@vectorised
+@stage
 def begin(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # noqa: E741
     """New rays where DEPTH is 0, which becomes 1."""
     camera = tables.camera

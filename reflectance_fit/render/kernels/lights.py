@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from reflectance_fit.physics.jit import vectorised
+from reflectance_fit.physics.jit import stage
 from reflectance_fit.render.kernels.lanes import (
     AX,
     AXIS,
@@ -75,14 +75,14 @@ from reflectance_fit.render.lobes.select import cos_sin_turn, like, sel
 u32 = np.uint32
 
 
-@vectorised
+@stage
 def cone(sin2: float) -> float:
     """1 - cos of the half angle whose squared sine is given, without cancelling."""
     one = like(1.0, sin2)
     return sin2 / (one + math.sqrt(max(one - sin2, like(0.0, sin2))))
 
 
-@vectorised
+@stage
 def choose(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # noqa: E741
     """One light for each lane, by an alias table of their powers."""
     one = like(1.0, F[0])
@@ -96,7 +96,7 @@ def choose(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # n
         I[LIGHT + j] = sel(x - like(cell, one) < keep, u32(cell), other)
 
 
-@vectorised
+@stage
 def sample(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # noqa: E741
     """A direction towards a light from the point met; its radiance over the density, which is of solid angle."""
     lamps, lamp_ids = tables.lamps, tables.lamp_ids
@@ -167,7 +167,7 @@ def sample(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # n
         I[TARGET + j] = lamp_ids[u32(w + u32(LAMP_SHAPE))]
 
 
-@vectorised
+@stage
 def polarized(
     has: Has, F: np.ndarray, lamps: np.ndarray, g: int, dx: float, dy: float, dz: float,
     ax: float, ay: float, az: float, r0: float, r1: float, r2: float, r3: float,
@@ -191,7 +191,7 @@ def polarized(
     return r0 + sel(length2 > tiny, state, zero)
 
 
-@vectorised
+@stage
 def found(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # noqa: E741
     """Radiance of the surroundings and of lights that rays meet, weighed against sampling them."""
     lamps, lamp_ids, shapes = tables.lamps, tables.lamp_ids, tables.shapes

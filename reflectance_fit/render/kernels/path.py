@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from reflectance_fit.physics.jit import tracer, vectorised
+from reflectance_fit.physics.jit import stage, tracer
 from reflectance_fit.render.kernels.lanes import (
     BEYOND,
     COLUMN,
@@ -55,7 +55,7 @@ u32 = np.uint32
 _ROULETTE = 5
 
 
-@vectorised
+@stage
 def retire(has: Has, F: np.ndarray, I: np.ndarray, film: np.ndarray, n: int) -> int:  # noqa: E741
     """Adds what the listed lanes gathered to their pixels; how many were not numbers and are left out."""
     discarded = 0
@@ -76,7 +76,7 @@ def retire(has: Has, F: np.ndarray, I: np.ndarray, film: np.ndarray, n: int) -> 
     return discarded
 
 
-@vectorised
+@stage
 def go_on(has: Has, F: np.ndarray, I: np.ndarray, deepest: int) -> None:  # noqa: E741
     """The next ray from where this one ended, unless it ended there for good; Russian roulette."""
     zero, one = like(0.0, F[0]), like(1.0, F[0])

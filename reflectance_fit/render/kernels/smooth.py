@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from reflectance_fit.physics.jit import vectorised
+from reflectance_fit.physics.jit import stage
 from reflectance_fit.render.kernels.lanes import (
     ALONE,
     AX,
@@ -64,7 +64,7 @@ from reflectance_fit.render.lobes.select import like, sel
 u32 = np.uint32
 
 
-@vectorised
+@stage
 def approximated(has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float) -> float:
     """r0 + b (1 - c)^5 - a c (1 - c)^power with the surface's coefficients; the power is 6 but for one form."""
     r0 = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_R0))], channel, j)
@@ -77,7 +77,7 @@ def approximated(has: Has, F: np.ndarray, tables: Tables, shape: int, channel: i
     return approximate(c, r0, b, zero) - a * c * max(like(1.0, c) - c, zero) ** power
 
 
-@vectorised
+@stage
 def glass_reflectance(
     has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float, front: bool
 ) -> tuple[float, float, float]:
@@ -98,7 +98,7 @@ def glass_reflectance(
     return power, cos_t, relative
 
 
-@vectorised
+@stage
 def metal_reflectance(has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float) -> float:
     """Reflectance of a metal for unpolarized light, by the Fresnel form in use."""
     if len(has.approximate) == 1 or len(has.approximate) == 3:
@@ -111,7 +111,7 @@ def metal_reflectance(has: Has, F: np.ndarray, tables: Tables, shape: int, chann
     return like(0.5, c) * (r_s + r_p)
 
 
-@vectorised
+@stage
 def smooth_glass(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) -> None:  # noqa: E741
     """Reflection with the probability of the channels' mean reflectance, else refraction."""
     n = listed(I, KIND, GLASS)
@@ -189,7 +189,7 @@ def smooth_glass(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: 
     put_back(has, F, I, Q, n)
 
 
-@vectorised
+@stage
 def smooth_metal(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) -> None:  # noqa: E741
     """Reflection, on either side."""
     n = listed(I, KIND, MIRROR)
