@@ -217,9 +217,9 @@ def _pictures() -> Scene:
 
 
 def _lights() -> Scene:
-    ball = AreaLight(Sphere((-2, -1, 1.5), 0.5), _rgb(6, 5, 4))
-    disk = AreaLight(Disk((2, 0, 2), (-1, 0, -0.5), (0.5, 0, -1.0)), _rgb(2, 3, 5))
-    far = AreaLight(Sphere((30, -80, 90), 8.0), constant(60.0))
+    ball = AreaLight(Sphere((-2, -1, 1.5), 0.8), _rgb(3, 2.5, 2))
+    disk = AreaLight(Disk((2, 0, 2), (-1, 0, -0.5), (0.6, 0, -1.2)), _rgb(2, 3, 5))
+    far = AreaLight(Sphere((30, -80, 90), 40.0), constant(3.0))
     return _scene(
         Surface(FLOOR, GREY),
         Surface(Disk((0, 0.5, 0.5), (0.1, -1, 0.3), (0.8, 0.08, 0)), RED),
