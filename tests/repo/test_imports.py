@@ -42,6 +42,7 @@ HOMES = {
     "ruamel": ("reflectance_fit.strict_yaml", "reflectance_fit.yaml_edit"),
     "OpenEXR": "reflectance_fit.render",
     "rawpy": "reflectance_fit.capture.raw",
+    "colour": "reflectance_fit.render.colour",
     "cv2": ("reflectance_fit.capture", "reflectance_fit.data_synthetic.target"),
 }
 
