@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from reflectance_fit.physics.fresnel import reflectances
 from reflectance_fit.render.colour import emission, index, integral, observer, reflectance
-from reflectance_fit.render.polarization_need import named
+from reflectance_fit.render.polarization_need import named, sees_itself
 from reflectance_fit.render.scene import (
     Conductor,
     Dielectric,
@@ -67,7 +67,8 @@ def may_show(scene: Scene) -> str | None:
         return None
     if lights:
         return f"coloured light meets the colour of {named(surfaces[0])}"
-    if scene.max_depth == 2 and all(isinstance(s.material, Lambertian) for s in surfaces):
+    once = scene.max_depth == 2 or (len(scene.surfaces) == 1 and not sees_itself(surfaces[0], scene))
+    if once and all(isinstance(s.material, Lambertian) for s in surfaces):
         return None
     return f"light can meet the colour of {named(surfaces[0])} more than once"
 

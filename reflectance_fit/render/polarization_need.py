@@ -37,6 +37,15 @@ def named(surface: Surface) -> str:
     return surface.name or f"a {type(surface.material).__name__.lower()}"
 
 
+def sees_itself(surface: Surface, scene: Scene) -> bool:
+    """Flat shapes cannot; a sphere can from inside, where light enters it or the camera is."""
+    shape = surface.shape
+    if not isinstance(shape, Sphere):
+        return False
+    away = float(np.linalg.norm(np.subtract(scene.camera.position, shape.center)))
+    return isinstance(surface.material, Dielectric) or away < shape.radius
+
+
 def shows(scene: Scene) -> str | None:
     """Why polarization matters whatever the numbers, as a clause; None where that is not certain."""
     reflecting = _interfaces(scene)
@@ -73,7 +82,7 @@ def may_show(scene: Scene) -> str | None:
     if scene.max_depth < 3:
         return None
     for surface in found:
-        if _sees_itself(surface, scene):
+        if sees_itself(surface, scene):
             return f"light can meet {named(surface)} twice"
     for one, other in combinations(found, 2):
         if not _coplanar(one, other):
@@ -86,15 +95,6 @@ def _interfaces(scene: Scene) -> list[Surface]:
     if scene.max_depth < 2:
         return []
     return [s for s in scene.surfaces if isinstance(s.material, Dielectric | Conductor | Plastic)]
-
-
-def _sees_itself(surface: Surface, scene: Scene) -> bool:
-    """Flat shapes cannot; a sphere can from inside, where light enters it or the camera is."""
-    shape = surface.shape
-    if not isinstance(shape, Sphere):
-        return False
-    away = float(np.linalg.norm(np.subtract(scene.camera.position, shape.center)))
-    return isinstance(surface.material, Dielectric) or away < shape.radius
 
 
 def _coplanar(one: Surface, other: Surface) -> bool:

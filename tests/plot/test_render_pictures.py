@@ -41,7 +41,7 @@ def test_darkness_has_an_exposure_and_does_not_count():
 def test_the_preview_is_the_picture_pixel_for_pixel(tmp_path):
     picture = np.zeros((3, 5, 3))
     picture[0, 4] = (1.0, 0.0, 0.0)
-    picture[2, 0] = (0.0, 0.21404114, 0.0)
+    picture[2, 0] = (0.0, 0.21586, 0.0)
     write_preview(tmp_path / "a.png", picture, 0.0)
     with Image.open(tmp_path / "a.png") as file:
         found = np.asarray(file)
