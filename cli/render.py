@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +17,21 @@ RUNGS = ["exact", "constant", "schlick", "schlick_f82", "lazanyi", "large_index"
 class _Size(click.ParamType):
     name = "WxH"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, int]:
         if isinstance(value, tuple):
             return value
         width, _, height = str(value).partition("x")
-        if not (width.isdecimal() and height.isdecimal() and 0 < int(width) <= 16384 >= int(height) > 0):
-            self.fail(f"'{value}' is not a size such as 640x480, at most 16384x16384", param, ctx)
+        if not (width.isdecimal() and height.isdecimal() and 0 < int(width) <= 8192 >= int(height) > 0):
+            self.fail(f"'{value}' is not a size such as 640x480, at most 8192x8192", param, ctx)
         return int(width), int(height)
+
+
+def _finite(_ctx: click.Context, _param: click.Parameter, value: float | None) -> float | None:
+    if value is not None and not math.isfinite(value):
+        raise click.BadParameter(f"{value} is not a number to work with")
+    return value
 
 
 def _image(_ctx: click.Context, _param: click.Parameter, value: Path) -> Path:
@@ -57,14 +66,21 @@ def _image(_ctx: click.Context, _param: click.Parameter, value: Path) -> Path:
 @click.option(
     "--error",
     type=click.FloatRange(0, min_open=True),
+    callback=_finite,
     metavar="X",
     help="Stop at this standard error, a share of the picture's mean, RMS over pixels.",
 )
 @click.option(
-    "--fresnel", type=click.Choice(RUNGS), default="exact", show_default=True, help="Reflectance of interfaces."
+    "--fresnel",
+    type=click.Choice(RUNGS),
+    default="exact",
+    show_default=True,
+    help="Reflectance of interfaces.",
 )
 @click.option(
-    "--compare", is_flag=True, help="Also by the approximation of --fresnel (else schlick), and the difference."
+    "--compare",
+    is_flag=True,
+    help="Also by the approximation of --fresnel (else schlick), and the difference.",
 )
 @click.option(
     "--analyzer",
@@ -74,7 +90,11 @@ def _image(_ctx: click.Context, _param: click.Parameter, value: Path) -> Path:
 )
 @click.option("--size", type=_Size(), metavar="WxH", help="Pixels, instead of the scene's.")
 @click.option(
-    "--exposure", type=float, metavar="STOPS", help="Of the previews: times 2^STOPS.  [default: automatic]"
+    "--exposure",
+    type=click.FloatRange(-100, 100),
+    callback=_finite,
+    metavar="STOPS",
+    help="Of the previews: times 2^STOPS.  [default: automatic]",
 )
 @click.option(
     "--sampler",

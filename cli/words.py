@@ -23,7 +23,11 @@ def print_rendered(rendered: Rendered) -> None:
         click.echo(f"note: {printable(note)}")
     click.echo(f"mode {film.mode}: {printable(rendered.choice.reason)}")
     rate = width * height * film.samples / rendered.seconds / 1e6
-    error = "unknown from one sample" if math.isnan(rendered.error) else f"{100 * rendered.error:.2g} % of the mean"
+    error = (
+        "unknown from one sample"
+        if math.isnan(rendered.error)
+        else f"{100 * rendered.error:.2g} % of the mean"
+    )
     click.echo(
         f"{width} x {height} pixels, {film.samples} samples each, in {rendered.seconds:.1f} s "
         f"({rate:.2g} million samples a second); standard error {error}"

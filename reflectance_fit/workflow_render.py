@@ -128,9 +128,7 @@ def _choice(scene: Scene, wish: Wish, progress: Report | None) -> Choice:
     if wish.analyzers_deg and scene.camera.analyzer_deg is not None:
         raise ValueError("the camera has an analyzer already; remove analyzer_deg, or do without --analyzer")
     if wish.analyzers_deg and approximate:
-        raise ValueError(
-            "pictures behind an analyzer need exact Fresnel; an approximation has no s and p"
-        )
+        raise ValueError("pictures behind an analyzer need exact Fresnel; an approximation has no s and p")
     if wish.mode != "auto":
         if wish.analyzers_deg and wish.mode not in POLARIZED:
             raise ValueError(f"mode {wish.mode} has no Stokes vectors for --analyzer; leave --mode to auto")
@@ -199,18 +197,20 @@ def _write(
         if film.mode in POLARIZED:
             write_figure(stage / f"{stem}-polarization.png", draw_polarization(name, *polarization(film)))
         if wish.analyzers_deg:
-            pictures = {
-                angle: analyzer_signal(film.mean, np.radians(angle)) for angle in wish.analyzers_deg
-            }
+            pictures = {angle: analyzer_signal(film.mean, np.radians(angle)) for angle in wish.analyzers_deg}
             degree, _ = polarization(film)
             # Half of the light passes on average.
             sheet = draw_analyzers(name, pictures, degree, (), stops + 1.0)
             write_figure(stage / f"{stem}-analyzer.png", sheet)
         if other is not None and compared is not None:
-            layers.update({f"{wish.approximation}.{c}": v for c, v in channels(other).items() if "." not in c})
+            layers.update(
+                {f"{wish.approximation}.{c}": v for c, v in channels(other).items() if "." not in c}
+            )
             both = {"exact": radiance, wish.approximation: other.mean[..., 0]}
             lines = difference_lines(wish.approximation, compared)
-            write_figure(stage / f"{stem}-compare.png", draw_compare(name, both, compared.signed, lines, stops))
+            write_figure(
+                stage / f"{stem}-compare.png", draw_compare(name, both, compared.signed, lines, stops)
+            )
         write_exr(stage / out.name, layers, _about(name, wish, film))
 
     written = [out, out.with_suffix(".png")]
@@ -234,12 +234,16 @@ def _write(
 
 def difference_lines(name: str, found: Difference) -> tuple[str, ...]:
     """What an approximation does to the picture's luminance, in words and numbers."""
-    return (
-        f"{name} − exact, luminance: RMS {found.rms:.3g} ({100 * found.rms / found.level:.3g} % of the exact mean), "
-        f"mean {found.mean:+.3g} ({100 * found.mean / found.level:+.3g} %)",
-        f"largest {found.largest:+.3g} ({100 * found.relative_largest:+.3g} % of exact there) "
-        f"at column {found.column}, row {found.row}; standard error of a pixel's difference below {found.noise:.2g}",
+    level = found.level / 100
+    over_all = (
+        f"{name} − exact, luminance: RMS {found.rms:.3g} ({found.rms / level:.3g} % of the exact mean), "
+        f"mean {found.mean:+.3g} ({found.mean / level:+.3g} %)"
     )
+    largest = (
+        f"largest {found.largest:+.3g} ({100 * found.relative_largest:+.3g} % of exact there) "
+        f"at column {found.column}, row {found.row}; standard error of a pixel's difference below {found.noise:.2g}"
+    )
+    return over_all, largest
 
 
 def _about(name: str, wish: Wish, film: Film) -> dict[str, str | int | float]:
