@@ -26,7 +26,9 @@ def _not_zero(vector: tuple[float, ...]) -> tuple[float, ...]:
 
 def across(u: tuple[float, ...], v: tuple[float, ...]) -> bool:
     """Whether two vectors are at right angles, as well as files state them."""
-    return abs(sum(a * b for a, b in zip(u, v, strict=True))) <= _RIGHT_ANGLE * math.hypot(*u) * math.hypot(*v)
+    return abs(sum(a * b for a, b in zip(u, v, strict=True))) <= _RIGHT_ANGLE * math.hypot(*u) * math.hypot(
+        *v
+    )
 
 
 def along(u: tuple[float, ...], v: tuple[float, ...]) -> bool:
