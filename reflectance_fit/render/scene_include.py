@@ -56,7 +56,7 @@ def read_sources(path: Path) -> list[SceneSource]:
             met.add(found.resolve())
             waiting.append(_Waiting(found, chain))
     if problems:
-        raise ReflectanceFitError(problems)
+        raise ReflectanceFitError(dict.fromkeys(problems))
     return sources
 
 

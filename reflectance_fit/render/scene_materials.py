@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -27,6 +27,13 @@ class Interface(Block):
     roughness: Annotated[Number, Field(ge=0, le=1)] = Field(
         default=0.0, description="alpha of GGX; 0: smooth"
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _transparent(cls, value: Any) -> Any:
+        if isinstance(value, dict) and "k" in value and "k" not in cls.model_fields:
+            raise ValueError("k goes with type: conductor; what lets light through is taken not to absorb")
+        return value
 
     @model_validator(mode="after")
     def _one_source(self) -> Interface:
