@@ -29,11 +29,11 @@ def automatic_stops(radiance: Floats) -> float:
     """Exposure in stops (powers of two) that brings the 98th percentile of lit pixels to white.
 
     Of shape (height, width, 1 or 3), linear; a pixel counts by its largest
-    channel.  To a tenth of a stop; 0 where there is no light.
+    channel.  Down to a tenth of a stop; 0 where there is no light.
     """
     largest = radiance.max(axis=-1)
     lit = largest[largest > 0]
-    return round(-math.log2(np.quantile(lit, WHITE_SHARE)), 1) + 0.0 if lit.size else 0.0
+    return math.floor(-10 * math.log2(np.quantile(lit, WHITE_SHARE))) / 10 if lit.size else 0.0
 
 
 def encoded(radiance: Floats, stops: float) -> Floats:

@@ -18,7 +18,6 @@ from reflectance_fit.render.kernels.lanes import (
     DX,
     DY,
     DZ,
-    Has,
     KEY,
     LANES,
     LEFT,
@@ -29,6 +28,7 @@ from reflectance_fit.render.kernels.lanes import (
     OZ,
     SAMPLE,
     SQUEEZE,
+    Has,
     Tables,
     components,
     gathered,
@@ -46,7 +46,7 @@ AT, AXIS, MOVE_X, MOVE_Y, TURN_X, TURN_Y, RIGHT, STEP, FIRST_ROWS = 0, 3, 6, 9, 
 
 
 @vectorised
-def begin(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # noqa: E741
+def begin(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
     """New rays where DEPTH is 0, which becomes 1."""
     camera = tables.camera
     zero, one, two = like(0.0, F[0]), like(1.0, F[0]), like(2.0, F[0])

@@ -18,7 +18,6 @@ from reflectance_fit.render.kernels.lanes import (
     DY,
     DZ,
     EMIT,
-    Has,
     KEY,
     KIND,
     LANES,
@@ -36,6 +35,7 @@ from reflectance_fit.render.kernels.lanes import (
     SEEN,
     SHAPE_IDS,
     SQUEEZE,
+    Has,
     Tables,
     components,
     gathered,
@@ -50,7 +50,7 @@ u32 = np.uint32
 
 
 @vectorised
-def diffuse(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # noqa: E741
+def diffuse(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
     """Light from the sampled light, and a new direction in proportion to its cosine."""
     zero, one = like(0.0, F[0]), like(1.0, F[0])
     over_pi = like(1.0 / math.pi, one)

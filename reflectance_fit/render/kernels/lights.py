@@ -24,16 +24,15 @@ from reflectance_fit.render.kernels.lanes import (
     FAR,
     HALF_U,
     HALF_V,
-    Has,
     KEEP,
     KEY,
     KIND,
     LAMP,
-    LAMPS,
     LAMP_ALIAS,
     LAMP_CURVE,
     LAMP_IDS,
     LAMP_SHAPE,
+    LAMPS,
     LANES,
     LIGHT,
     LIT,
@@ -62,13 +61,14 @@ from reflectance_fit.render.kernels.lanes import (
     SQUEEZE,
     TARGET,
     TURNED,
+    Has,
     Tables,
     gathered,
     row,
     row_count,
 )
 from reflectance_fit.render.kernels.random import pair
-from reflectance_fit.render.kernels.values import frame, power_heuristic, value
+from reflectance_fit.render.kernels.values import frame, value
 from reflectance_fit.render.lobes.mueller import double_angle, turn
 from reflectance_fit.render.lobes.select import cos_sin_turn, like, sel
 
@@ -83,7 +83,7 @@ def cone(sin2: float) -> float:
 
 
 @vectorised
-def choose(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # noqa: E741
+def choose(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
     """One light for each lane, by an alias table of their powers."""
     one = like(1.0, F[0])
     count = like(tables.counts[4], one)
@@ -97,7 +97,7 @@ def choose(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # n
 
 
 @vectorised
-def sample(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # noqa: E741
+def sample(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
     """A direction towards a light from the point met; its radiance over the density, which is of solid angle."""
     lamps, lamp_ids = tables.lamps, tables.lamp_ids
     zero, one, two, inf = like(0.0, F[0]), like(1.0, F[0]), like(2.0, F[0]), like(np.inf, F[0])
@@ -119,9 +119,21 @@ def sample(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # n
             radius = math.sqrt(a)
             round_ = kind == u32(ROUND)
             p, q = sel(round_, radius * cos, two * a - one), sel(round_, radius * sin, two * b - one)
-            nx, ny, nz = lamps[u32(g + u32(TURNED))], lamps[u32(g + u32(TURNED + 1))], lamps[u32(g + u32(TURNED + 2))]
-            ux, uy, uz = lamps[u32(g + u32(HALF_U))], lamps[u32(g + u32(HALF_U + 1))], lamps[u32(g + u32(HALF_U + 2))]
-            vx, vy, vz = lamps[u32(g + u32(HALF_V))], lamps[u32(g + u32(HALF_V + 1))], lamps[u32(g + u32(HALF_V + 2))]
+            nx, ny, nz = (
+                lamps[u32(g + u32(TURNED))],
+                lamps[u32(g + u32(TURNED + 1))],
+                lamps[u32(g + u32(TURNED + 2))],
+            )
+            ux, uy, uz = (
+                lamps[u32(g + u32(HALF_U))],
+                lamps[u32(g + u32(HALF_U + 1))],
+                lamps[u32(g + u32(HALF_U + 2))],
+            )
+            vx, vy, vz = (
+                lamps[u32(g + u32(HALF_V))],
+                lamps[u32(g + u32(HALF_V + 1))],
+                lamps[u32(g + u32(HALF_V + 2))],
+            )
             fx, fy, fz = x + p * ux + q * vx, y + p * uy + q * vy, z + p * uz + q * vz
             far2 = fx * fx + fy * fy + fz * fz
             reach = math.sqrt(far2)
@@ -192,7 +204,7 @@ def polarized(
 
 
 @vectorised
-def found(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # noqa: E741
+def found(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
     """Radiance of the surroundings and of lights that rays meet, weighed against sampling them."""
     lamps, lamp_ids, shapes = tables.lamps, tables.lamp_ids, tables.shapes
     zero, one, pi = like(0.0, F[0]), like(1.0, F[0]), like(math.pi, F[0])
@@ -206,7 +218,9 @@ def found(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # no
             met = I[KIND + j] == u32(LAMP)
             lamp = u32(0)
             if len(has.lamps) > 1:
-                lamp = tables.shape_ids[u32(u32(sel(met, I[MET + j], u32(0)) * u32(SHAPE_IDS)) + u32(OF_LIGHT))]
+                lamp = tables.shape_ids[
+                    u32(u32(sel(met, I[MET + j], u32(0)) * u32(SHAPE_IDS)) + u32(OF_LIGHT))
+                ]
                 lamp = sel(met, lamp, u32(0))
             g, w = u32(lamp * u32(LAMPS)), u32(lamp * u32(LAMP_IDS))
             size, chosen = lamps[u32(g + u32(SIZE))], lamps[u32(g + u32(CHOSEN))]

@@ -14,25 +14,25 @@ from reflectance_fit.render.kernels.lanes import (
     DX,
     DY,
     DZ,
-    Has,
     LANES,
     LIST,
+    Q_ALONE,
+    Q_DENSITY,
+    Q_FACTOR,
+    Q_SQUEEZE,
     QA,
     QB,
     QC,
     QX,
     QY,
     QZ,
-    Q_ALONE,
-    Q_DENSITY,
-    Q_FACTOR,
-    Q_SQUEEZE,
     ROWS,
     SQUEEZE,
+    Has,
     components,
     row_count,
 )
-from reflectance_fit.render.lobes.mueller import double_angle, reflect, turn
+from reflectance_fit.render.lobes.mueller import reflect, turn
 
 u32 = np.uint32
 
@@ -41,7 +41,7 @@ CHUNK = 16
 
 
 @vectorised
-def listed(I: np.ndarray, field: int, wanted: int) -> int:  # noqa: E741
+def listed(I: np.ndarray, field: int, wanted: int) -> int:
     """Writes the lanes whose field has the wanted value to LIST; how many they are."""
     n = u32(0)
     for j in range(LANES):
@@ -51,7 +51,7 @@ def listed(I: np.ndarray, field: int, wanted: int) -> int:  # noqa: E741
 
 
 @vectorised
-def put_back(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) -> None:  # noqa: E741
+def put_back(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) -> None:
     """New direction, density, axis; rows times factor or block."""
     for q in range(n):
         j = I[u32(u32(LIST) + u32(q))]

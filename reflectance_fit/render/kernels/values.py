@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
-    Has,
     LANES,
     WAVE,
+    Has,
 )
 from reflectance_fit.render.lobes.select import like, sel
 
