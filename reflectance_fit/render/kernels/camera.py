@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from reflectance_fit.physics.jit import vectorised
+from reflectance_fit.physics.jit import stage
 from reflectance_fit.render.kernels.lanes import (
     AX,
     AY,
@@ -18,6 +18,7 @@ from reflectance_fit.render.kernels.lanes import (
     DX,
     DY,
     DZ,
+    Has,
     KEY,
     LANES,
     LEFT,
@@ -28,7 +29,6 @@ from reflectance_fit.render.kernels.lanes import (
     OZ,
     SAMPLE,
     SQUEEZE,
-    Has,
     Tables,
     components,
     gathered,
@@ -45,8 +45,8 @@ u32 = np.uint32
 AT, AXIS, MOVE_X, MOVE_Y, TURN_X, TURN_Y, RIGHT, STEP, FIRST_ROWS = 0, 3, 6, 9, 12, 15, 18, 21, 23
 
 
-@vectorised
-def begin(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
+@stage
+def begin(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # noqa: E741
     """New rays where DEPTH is 0, which becomes 1."""
     camera = tables.camera
     zero, one, two = like(0.0, F[0]), like(1.0, F[0]), like(2.0, F[0])

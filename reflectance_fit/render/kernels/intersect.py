@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from reflectance_fit.physics.jit import vectorised
+from reflectance_fit.physics.jit import stage
 from reflectance_fit.render.kernels.lanes import (
     BEYOND,
     CENTER,
@@ -22,6 +22,7 @@ from reflectance_fit.render.kernels.lanes import (
     EDGE_U,
     EDGE_V,
     FAR,
+    Has,
     KIND,
     LANES,
     LEFT,
@@ -51,7 +52,6 @@ from reflectance_fit.render.kernels.lanes import (
     SHAPE_IDS,
     STATE,
     TARGET,
-    Has,
     Tables,
 )
 from reflectance_fit.render.lobes.select import like, sel
@@ -61,7 +61,7 @@ Floats = np.ndarray
 Words = np.ndarray
 
 
-@vectorised
+@stage
 def _to_sphere(
     cx: float, cy: float, cz: float, dx: float, dy: float, dz: float, radius2: float, left: bool, after: float
 ) -> float:
@@ -77,8 +77,8 @@ def _to_sphere(
     return sel((t > after) & (left | (rest > zero)), t, inf)
 
 
-@vectorised
-def closest(has: Has, F: Floats, I: Words, tables: Tables) -> None:
+@stage
+def closest(has: Has, F: Floats, I: Words, tables: Tables) -> None:  # noqa: E741
     """The nearest shape on each ray, MET, and its distance, FAR; NOTHING and infinity where there is none."""
     shapes, counts = tables.shapes, tables.counts
     zero, one, inf = like(0.0, F[0]), like(1.0, F[0]), like(np.inf, F[0])
@@ -120,8 +120,8 @@ def closest(has: Has, F: Floats, I: Words, tables: Tables) -> None:
             I[MET + j] = sel(nearer, me, I[MET + j])
 
 
-@vectorised
-def shadow(has: Has, F: Floats, I: Words, tables: Tables) -> None:
+@stage
+def shadow(has: Has, F: Floats, I: Words, tables: Tables) -> None:  # noqa: E741
     """SEEN: 1 where nothing but sheets lies between the point met and the sampled light, else 0."""
     shapes, shape_ids, counts = tables.shapes, tables.shape_ids, tables.counts
     zero, one = like(0.0, F[0]), like(1.0, F[0])
@@ -163,8 +163,8 @@ def shadow(has: Has, F: Floats, I: Words, tables: Tables) -> None:
             F[SEEN + j] = sel(hidden, zero, F[SEEN + j])
 
 
-@vectorised
-def meet(has: Has, F: Floats, I: Words, tables: Tables) -> None:
+@stage
+def meet(has: Has, F: Floats, I: Words, tables: Tables) -> None:  # noqa: E741
     """The point met, moved onto the shape, its outward normal and KIND, MISS without one."""
     shapes, shape_ids = tables.shapes, tables.shape_ids
     one, zero = like(1.0, F[0]), like(0.0, F[0])

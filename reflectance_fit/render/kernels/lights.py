@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from reflectance_fit.physics.jit import vectorised
+from reflectance_fit.physics.jit import stage
 from reflectance_fit.render.kernels.lanes import (
     AX,
     AXIS,
@@ -24,15 +24,16 @@ from reflectance_fit.render.kernels.lanes import (
     FAR,
     HALF_U,
     HALF_V,
+    Has,
     KEEP,
     KEY,
     KIND,
     LAMP,
+    LAMPS,
     LAMP_ALIAS,
     LAMP_CURVE,
     LAMP_IDS,
     LAMP_SHAPE,
-    LAMPS,
     LANES,
     LIGHT,
     LIT,
@@ -61,29 +62,28 @@ from reflectance_fit.render.kernels.lanes import (
     SQUEEZE,
     TARGET,
     TURNED,
-    Has,
     Tables,
     gathered,
     row,
     row_count,
 )
 from reflectance_fit.render.kernels.random import pair
-from reflectance_fit.render.kernels.values import frame, value
+from reflectance_fit.render.kernels.values import frame, power_heuristic, value
 from reflectance_fit.render.lobes.mueller import double_angle, turn
 from reflectance_fit.render.lobes.select import cos_sin_turn, like, sel
 
 u32 = np.uint32
 
 
-@vectorised
+@stage
 def cone(sin2: float) -> float:
     """1 - cos of the half angle whose squared sine is given, without cancelling."""
     one = like(1.0, sin2)
     return sin2 / (one + math.sqrt(max(one - sin2, like(0.0, sin2))))
 
 
-@vectorised
-def choose(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
+@stage
+def choose(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # noqa: E741
     """One light for each lane, by an alias table of their powers."""
     one = like(1.0, F[0])
     count = like(tables.counts[4], one)
@@ -96,8 +96,8 @@ def choose(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
         I[LIGHT + j] = sel(x - like(cell, one) < keep, u32(cell), other)
 
 
-@vectorised
-def sample(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
+@stage
+def sample(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # noqa: E741
     """A direction towards a light from the point met; its radiance over the density, which is of solid angle."""
     lamps, lamp_ids = tables.lamps, tables.lamp_ids
     zero, one, two, inf = like(0.0, F[0]), like(1.0, F[0]), like(2.0, F[0]), like(np.inf, F[0])
@@ -119,21 +119,9 @@ def sample(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
             radius = math.sqrt(a)
             round_ = kind == u32(ROUND)
             p, q = sel(round_, radius * cos, two * a - one), sel(round_, radius * sin, two * b - one)
-            nx, ny, nz = (
-                lamps[u32(g + u32(TURNED))],
-                lamps[u32(g + u32(TURNED + 1))],
-                lamps[u32(g + u32(TURNED + 2))],
-            )
-            ux, uy, uz = (
-                lamps[u32(g + u32(HALF_U))],
-                lamps[u32(g + u32(HALF_U + 1))],
-                lamps[u32(g + u32(HALF_U + 2))],
-            )
-            vx, vy, vz = (
-                lamps[u32(g + u32(HALF_V))],
-                lamps[u32(g + u32(HALF_V + 1))],
-                lamps[u32(g + u32(HALF_V + 2))],
-            )
+            nx, ny, nz = lamps[u32(g + u32(TURNED))], lamps[u32(g + u32(TURNED + 1))], lamps[u32(g + u32(TURNED + 2))]
+            ux, uy, uz = lamps[u32(g + u32(HALF_U))], lamps[u32(g + u32(HALF_U + 1))], lamps[u32(g + u32(HALF_U + 2))]
+            vx, vy, vz = lamps[u32(g + u32(HALF_V))], lamps[u32(g + u32(HALF_V + 1))], lamps[u32(g + u32(HALF_V + 2))]
             fx, fy, fz = x + p * ux + q * vx, y + p * uy + q * vy, z + p * uz + q * vz
             far2 = fx * fx + fy * fy + fz * fz
             reach = math.sqrt(far2)
@@ -179,7 +167,7 @@ def sample(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
         I[TARGET + j] = lamp_ids[u32(w + u32(LAMP_SHAPE))]
 
 
-@vectorised
+@stage
 def polarized(
     has: Has, F: np.ndarray, lamps: np.ndarray, g: int, dx: float, dy: float, dz: float,
     ax: float, ay: float, az: float, r0: float, r1: float, r2: float, r3: float,
@@ -203,8 +191,8 @@ def polarized(
     return r0 + sel(length2 > tiny, state, zero)
 
 
-@vectorised
-def found(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
+@stage
+def found(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # noqa: E741
     """Radiance of the surroundings and of lights that rays meet, weighed against sampling them."""
     lamps, lamp_ids, shapes = tables.lamps, tables.lamp_ids, tables.shapes
     zero, one, pi = like(0.0, F[0]), like(1.0, F[0]), like(math.pi, F[0])
@@ -218,9 +206,7 @@ def found(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
             met = I[KIND + j] == u32(LAMP)
             lamp = u32(0)
             if len(has.lamps) > 1:
-                lamp = tables.shape_ids[
-                    u32(u32(sel(met, I[MET + j], u32(0)) * u32(SHAPE_IDS)) + u32(OF_LIGHT))
-                ]
+                lamp = tables.shape_ids[u32(u32(sel(met, I[MET + j], u32(0)) * u32(SHAPE_IDS)) + u32(OF_LIGHT))]
                 lamp = sel(met, lamp, u32(0))
             g, w = u32(lamp * u32(LAMPS)), u32(lamp * u32(LAMP_IDS))
             size, chosen = lamps[u32(g + u32(SIZE))], lamps[u32(g + u32(CHOSEN))]

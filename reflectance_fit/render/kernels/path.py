@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from reflectance_fit.physics.jit import tracer, vectorised
-from reflectance_fit.render.kernels.camera import begin
-from reflectance_fit.render.kernels.diffuse import diffuse
-from reflectance_fit.render.kernels.intersect import closest, meet, shadow
+from reflectance_fit.physics.jit import stage, tracer
 from reflectance_fit.render.kernels.lanes import (
     BEYOND,
     COLUMN,
     DEPTH,
     DONE,
     FAR,
+    Has,
     IDLE,
     KEY,
     KIND,
@@ -34,13 +34,15 @@ from reflectance_fit.render.kernels.lanes import (
     SAMPLE,
     SLOT,
     STATE,
-    Has,
     Tables,
     components,
     gathered,
     row,
     row_count,
 )
+from reflectance_fit.render.kernels.camera import begin
+from reflectance_fit.render.kernels.diffuse import diffuse
+from reflectance_fit.render.kernels.intersect import closest, meet, shadow
 from reflectance_fit.render.kernels.lights import found, sample
 from reflectance_fit.render.kernels.queue import listed
 from reflectance_fit.render.kernels.random import mix, pair, prepared
@@ -53,8 +55,8 @@ u32 = np.uint32
 _ROULETTE = 5
 
 
-@vectorised
-def retire(has: Has, F: np.ndarray, I: np.ndarray, film: np.ndarray, n: int) -> int:
+@stage
+def retire(has: Has, F: np.ndarray, I: np.ndarray, film: np.ndarray, n: int) -> int:  # noqa: E741
     """Adds what the listed lanes gathered to their pixels; how many were not numbers and are left out."""
     discarded = 0
     size = len(has.channels) * row_count(has)
@@ -74,8 +76,8 @@ def retire(has: Has, F: np.ndarray, I: np.ndarray, film: np.ndarray, n: int) -> 
     return discarded
 
 
-@vectorised
-def go_on(has: Has, F: np.ndarray, I: np.ndarray, deepest: int) -> None:
+@stage
+def go_on(has: Has, F: np.ndarray, I: np.ndarray, deepest: int) -> None:  # noqa: E741
     """The next ray from where this one ended, unless it ended there for good; Russian roulette."""
     zero, one = like(0.0, F[0]), like(1.0, F[0])
     for j in range(LANES):
@@ -108,7 +110,7 @@ def trace(
     has: Has,
     tables: Tables,
     F: np.ndarray,
-    I: np.ndarray,
+    I: np.ndarray,  # noqa: E741
     Q: np.ndarray,
     film: np.ndarray,
     left: int,
@@ -144,9 +146,7 @@ def trace(
                 I[u32(u32(LINE) + j)] = u32(top + y)
                 I[u32(u32(SLOT) + j)] = u32(slot)
                 pixel = u32((top + y) * picture_width + left + x)
-                I[u32(u32(KEY) + j)] = mix(
-                    u32(mix(u32(pixel ^ u32(seed))) + u32(u32(first_group + group) * u32(0x9E3779B1)))
-                )
+                I[u32(u32(KEY) + j)] = mix(u32(mix(u32(pixel ^ u32(seed))) + u32(u32(first_group + group) * u32(0x9E3779B1))))
                 I[u32(u32(SAMPLE) + j)] = prepared(has.sobol, u32(number))
                 number += 1
                 if number == samples:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from reflectance_fit.physics.jit import vectorised
+from reflectance_fit.physics.jit import stage
 from reflectance_fit.render.kernels.lanes import (
     ALONE,
     AX,
@@ -14,25 +14,25 @@ from reflectance_fit.render.kernels.lanes import (
     DX,
     DY,
     DZ,
+    Has,
     LANES,
     LIST,
-    Q_ALONE,
-    Q_DENSITY,
-    Q_FACTOR,
-    Q_SQUEEZE,
     QA,
     QB,
     QC,
     QX,
     QY,
     QZ,
+    Q_ALONE,
+    Q_DENSITY,
+    Q_FACTOR,
+    Q_SQUEEZE,
     ROWS,
     SQUEEZE,
-    Has,
     components,
     row_count,
 )
-from reflectance_fit.render.lobes.mueller import reflect, turn
+from reflectance_fit.render.lobes.mueller import double_angle, reflect, turn
 
 u32 = np.uint32
 
@@ -40,8 +40,8 @@ u32 = np.uint32
 CHUNK = 16
 
 
-@vectorised
-def listed(I: np.ndarray, field: int, wanted: int) -> int:
+@stage
+def listed(I: np.ndarray, field: int, wanted: int) -> int:  # noqa: E741
     """Writes the lanes whose field has the wanted value to LIST; how many they are."""
     n = u32(0)
     for j in range(LANES):
@@ -50,8 +50,8 @@ def listed(I: np.ndarray, field: int, wanted: int) -> int:
     return n
 
 
-@vectorised
-def put_back(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) -> None:
+@stage
+def put_back(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) -> None:  # noqa: E741
     """New direction, density, axis; rows times factor or block."""
     for q in range(n):
         j = I[u32(u32(LIST) + u32(q))]
@@ -73,7 +73,7 @@ def put_back(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) -> N
                     F[u32(u32(ROWS + k * LANES) + j)] = Q[Q_FACTOR + k * LANES + q]
 
 
-@vectorised
+@stage
 def weigh(
     has: Has, F: np.ndarray, Q: np.ndarray, c: int, q: int, j: int,
     a: float, b: float, e: float, d: float, cos: float, sin: float,

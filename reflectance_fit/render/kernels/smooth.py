@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from reflectance_fit.physics.jit import vectorised
+from reflectance_fit.physics.jit import stage
 from reflectance_fit.render.kernels.lanes import (
     ALONE,
     AX,
@@ -17,6 +17,7 @@ from reflectance_fit.render.kernels.lanes import (
     DY,
     DZ,
     GLASS,
+    Has,
     KEY,
     KIND,
     LIST,
@@ -31,19 +32,18 @@ from reflectance_fit.render.kernels.lanes import (
     OF_K,
     OF_POWER,
     OF_R0,
-    Q_ALONE,
-    Q_DENSITY,
-    Q_SQUEEZE,
     QA,
     QB,
     QC,
     QX,
     QY,
     QZ,
+    Q_ALONE,
+    Q_DENSITY,
+    Q_SQUEEZE,
     SAMPLE,
     SHAPE_IDS,
     SQUEEZE,
-    Has,
     Tables,
 )
 from reflectance_fit.render.kernels.queue import CHUNK, listed, put_back, weigh
@@ -64,10 +64,8 @@ from reflectance_fit.render.lobes.select import like, sel
 u32 = np.uint32
 
 
-@vectorised
-def approximated(
-    has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float
-) -> float:
+@stage
+def approximated(has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float) -> float:
     """r0 + b (1 - c)^5 - a c (1 - c)^power with the surface's coefficients; the power is 6 but for one form."""
     r0 = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_R0))], channel, j)
     b = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_B))], channel, j)
@@ -79,7 +77,7 @@ def approximated(
     return approximate(c, r0, b, zero) - a * c * max(like(1.0, c) - c, zero) ** power
 
 
-@vectorised
+@stage
 def glass_reflectance(
     has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float, front: bool
 ) -> tuple[float, float, float]:
@@ -100,10 +98,8 @@ def glass_reflectance(
     return power, cos_t, relative
 
 
-@vectorised
-def metal_reflectance(
-    has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float
-) -> float:
+@stage
+def metal_reflectance(has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float) -> float:
     """Reflectance of a metal for unpolarized light, by the Fresnel form in use."""
     if len(has.approximate) == 1 or len(has.approximate) == 3:
         return approximated(has, F, tables, shape, channel, j, c)
@@ -115,8 +111,8 @@ def metal_reflectance(
     return like(0.5, c) * (r_s + r_p)
 
 
-@vectorised
-def smooth_glass(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) -> None:
+@stage
+def smooth_glass(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) -> None:  # noqa: E741
     """Reflection with the probability of the channels' mean reflectance, else refraction."""
     n = listed(I, KIND, GLASS)
     zero, one, two = like(0.0, F[0]), like(1.0, F[0]), like(2.0, F[0])
@@ -187,16 +183,14 @@ def smooth_glass(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: 
                     )  # fmt: skip
                 elif len(has.dispersive) > 0:
                     other, _, _ = glass_reflectance(has, F, tables, shape, k, j, c, front)
-                    weigh(
-                        has, F, Q, k, q, j, share * sel(back, other, one - other), zero, zero, zero, cos, sin
-                    )
+                    weigh(has, F, Q, k, q, j, share * sel(back, other, one - other), zero, zero, zero, cos, sin)
                 else:
                     weigh(has, F, Q, k, q, j, one, zero, zero, zero, cos, sin)
     put_back(has, F, I, Q, n)
 
 
-@vectorised
-def smooth_metal(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) -> None:
+@stage
+def smooth_metal(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) -> None:  # noqa: E741
     """Reflection, on either side."""
     n = listed(I, KIND, MIRROR)
     zero, one, two = like(0.0, F[0]), like(1.0, F[0]), like(2.0, F[0])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from reflectance_fit.physics.jit import vectorised
+from reflectance_fit.physics.jit import stage
 from reflectance_fit.render.kernels.lanes import (
     LANES,
     WAVE,
@@ -17,7 +17,7 @@ u32 = np.uint32
 FIRST_NM, STEP_NM, POINTS = 360.0, 5.0, 95
 
 
-@vectorised
+@stage
 def value(has: Has, F: np.ndarray, curves: np.ndarray, curve: int, channel: int, j: int) -> float:
     """A curve at one of a lane's channels."""
     if len(has.spectral) > 0:
@@ -31,7 +31,7 @@ def value(has: Has, F: np.ndarray, curves: np.ndarray, curve: int, channel: int,
     return curves[u32(u32(curve * u32(len(has.channels))) + u32(channel))]
 
 
-@vectorised
+@stage
 def frame(x: float, y: float, z: float) -> tuple[float, float, float, float, float, float]:
     """Two unit vectors at right angles to a unit vector and to one another.
 
@@ -46,7 +46,7 @@ def frame(x: float, y: float, z: float) -> tuple[float, float, float, float, flo
     return one + sign * x * x * a, sign * b, -sign * x, b, sign + y * y * a, -y
 
 
-@vectorised
+@stage
 def power_heuristic(taken: float, other: float) -> float:
     """Weight of a direction drawn with density ``taken`` that ``other`` might have drawn; 1 where other is 0.
 
