@@ -63,10 +63,7 @@ def pack(scene: Scene, settings: Settings) -> Packed:
             words = np.zeros(lanes.SHAPE_IDS, np.uint32)
             words[lanes.OF_KIND], words[lanes.OF_LIGHT] = lanes.LAMP, number
             bodies.append((light.shape, words, np.zeros(5)))
-    order = [
-        [k for k, body in enumerate(bodies) if isinstance(body[0], kind)]
-        for kind in (Sphere, Rectangle, Disk, Plane)
-    ]
+    order = [[k for k, body in enumerate(bodies) if isinstance(body[0], kind)] for kind in (Sphere, Rectangle, Disk, Plane)]
     sorted_bodies = [bodies[k] for kind in order for k in kind]
     shape_of_light = {
         int(words[lanes.OF_LIGHT]): place

@@ -14,6 +14,7 @@ from reflectance_fit.render.scene import (
     ConstantEnvironment,
     DirectionalLight,
     Disk,
+    ImageEnvironment,
     Light,
     PointLight,
     Rectangle,
@@ -82,10 +83,7 @@ def _fill(light: Light, row: Floats, words: Words, curves: colour.Curves, origin
             row[:3] = np.asarray(light.position) - origin
             return 4.0 * math.pi * _mean(curves, words)
         case DirectionalLight():
-            words[lanes.LAMP_KIND], words[lanes.LAMP_CURVE] = (
-                lanes.DIRECTIONAL,
-                curves.emission(light.irradiance),
-            )
+            words[lanes.LAMP_KIND], words[lanes.LAMP_CURVE] = lanes.DIRECTIONAL, curves.emission(light.irradiance)
             direction = np.asarray(light.direction, dtype=np.float64)
             row[:3] = -direction / np.linalg.norm(direction)
             return 0.0
@@ -121,8 +119,6 @@ def _mean(curves: colour.Curves, words: Words) -> float:
 
 
 def _polarize(light: Light, row: Floats) -> None:
-    row[lanes.POLARIZED : lanes.POLARIZED + 3] = (
-        np.asarray(light.polarization.stokes[1:]) / light.polarization.stokes[0]
-    )
+    row[lanes.POLARIZED : lanes.POLARIZED + 3] = np.asarray(light.polarization.stokes[1:]) / light.polarization.stokes[0]
     axis = np.asarray(light.polarization.axis, dtype=np.float64)
     row[lanes.AXIS : lanes.AXIS + 3] = axis / np.linalg.norm(axis)

@@ -79,9 +79,7 @@ def look(surface: Surface, looks: Looks) -> tuple[Words, Floats]:
             numbers[1:4] = math.cos(double), math.sin(double), material.diattenuation
         case RetarderSheet():
             words[lanes.OF_KIND] = lanes.RETARDER
-            double, retardance = (
-                math.radians(a) for a in (2.0 * material.fast_axis_deg, material.retardance_deg)
-            )
+            double, retardance = (math.radians(a) for a in (2.0 * material.fast_axis_deg, material.retardance_deg))
             numbers[1:] = math.cos(double), math.sin(double), math.cos(retardance), math.sin(retardance)
     return words, numbers
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from reflectance_fit.physics.jit import stage
 from reflectance_fit.render.kernels.lanes import (
+    Has,
     LANES,
     WAVE,
-    Has,
 )
 from reflectance_fit.render.lobes.select import like, sel
 
