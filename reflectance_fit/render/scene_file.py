@@ -7,11 +7,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from reflectance_fit.errors import Problem, ReflectanceFitError, suggestion
 from reflectance_fit.material import Material as FittedMaterial
 from reflectance_fit.materials import library
 from reflectance_fit.render import scene_build, scene_materials
 from reflectance_fit.render.scene import (
+    AreaLight,
     ConstantEnvironment,
     Disk,
     ImageEnvironment,
@@ -23,6 +26,7 @@ from reflectance_fit.render.scene import (
     RetarderSheet,
     Scene,
     Shape,
+    Sphere,
     Surface,
     Texture,
 )
@@ -151,6 +155,18 @@ class _Reading:
                 if isinstance(light, surrounding) and any(isinstance(x, surrounding) for x in self.lights):
                     raise ReflectanceFitError("the scene has an environment already; keep one")
                 self.lights.append(light)
+                if self.camera and _turned_away(light, self.camera.target):
+                    words = "shines away from what the camera looks at; to turn a rectangle, swap u and v"
+                    self.notes.append(f"lights.{i} of {source.path.name} {words}")
+
+
+def _turned_away(light: Light, target: tuple[float, ...]) -> bool:
+    """Whether a flat light has ``target`` behind it."""
+    if not isinstance(light, AreaLight) or isinstance(light.shape, Sphere):
+        return False
+    shape = light.shape
+    normal = np.cross(shape.u, shape.v) if isinstance(shape, Rectangle) else np.array(shape.normal)
+    return bool(np.dot(normal, np.subtract(target, shape.center)) < 0)
 
 
 def _unknown(name: str, known: tuple[str, ...]) -> str:
