@@ -42,7 +42,8 @@ ROWS = 47 * _B
 # density, squeeze, and for each channel a factor or the block of a Mueller matrix (or whole rows).
 QX, QY, QZ, QA, QB, QC, Q_DENSITY, Q_SQUEEZE, Q_ALONE = (k * _B for k in range(9))
 Q_FACTOR = 9 * _B
-QUEUE = (9 + 4 * 4 * 4 + 16) * _B
+Q_LIGHT = (9 + 4 * 4 * 4) * _B
+QUEUE = (9 + 4 * 4 * 4 + 4 * 4) * _B
 
 # Integers: pixel, its number in the tile, keys of random numbers, rays so far, state,
 STATE, COLUMN, LINE, SLOT, KEY, SAMPLE, DEPTH = (k * _B for k in range(7))

@@ -46,6 +46,7 @@ from reflectance_fit.render.kernels.intersect import closest, meet, shadow
 from reflectance_fit.render.kernels.lights import found, sample
 from reflectance_fit.render.kernels.queue import listed
 from reflectance_fit.render.kernels.random import mix, pair, prepared
+from reflectance_fit.render.kernels.rough import rough_metal
 from reflectance_fit.render.kernels.smooth import smooth_glass, smooth_metal
 from reflectance_fit.render.lobes.select import like, sel
 
@@ -182,4 +183,6 @@ def trace(
         if len(has.smooth) > 0:
             smooth_glass(has, F, I, Q, tables)
             smooth_metal(has, F, I, Q, tables)
+        if len(has.rough) > 0:
+            rough_metal(has, F, I, Q, tables)
         go_on(has, F, I, deepest)
