@@ -40,6 +40,7 @@ HOMES = {
     "h5netcdf": ("reflectance_fit.report.netcdf", "reflectance_fit.observations_file"),
     "ruamel": ("reflectance_fit.strict_yaml", "reflectance_fit.yaml_edit"),
     "rawpy": "reflectance_fit.capture.raw",
+    "colour": "reflectance_fit.render.colour",
     "cv2": ("reflectance_fit.capture", "reflectance_fit.data_synthetic.target"),
 }
 
