@@ -62,6 +62,7 @@ def _table(wavelength_nm: ArrayLike, values: ArrayLike) -> Spectrum:
 
 GREY, GLASS = Lambertian(constant(0.6)), Dielectric(constant(1.5))
 METAL = Conductor(constant(0.183), constant(3.43))
+TINTED = Conductor(_rgb(0.18, 0.42, 1.37), _rgb(3.42, 2.35, 1.77))
 # Johnson and Christy's gold, rounded.
 GOLD = Conductor(
     _table([400, 450, 500, 550, 600, 650, 700], [1.66, 1.50, 0.97, 0.43, 0.25, 0.17, 0.16]),
@@ -185,7 +186,7 @@ def _polarized_lights() -> Scene:
     camera = replace(VIEW, analyzer_deg=30.0)
     return _scene(
         Surface(FLOOR, GREY),
-        Surface(Sphere((-1, 0, 1), 1.0), METAL),
+        Surface(Sphere((-1, 0, 1), 1.0), TINTED),
         plastic,
         area,
         lamp,
@@ -197,7 +198,7 @@ def _polarized_lights() -> Scene:
 
 def _rough(exterior_ior: float = 1.0) -> Scene:
     glass = Surface(Sphere((1.1, 0, 0.9), 0.9), Dielectric(constant(1.7), 0.4))
-    metal = Surface(Sphere((-1.1, 0, 0.9), 0.9), replace(METAL, roughness=0.6))
+    metal = Surface(Sphere((-1.1, 0, 0.9), 0.9), replace(TINTED, roughness=0.6))
     lamp = PointLight((1, -3, 5), constant(9.0))
     return _with(
         _lit(Surface(Plane((0, 0, 0), (0, 0, 1)), GREY), glass, metal, exterior_ior=exterior_ior), lamp
@@ -212,7 +213,7 @@ def _pictures() -> Scene:
     upright = Rectangle((1.2, 0.5, 1.0), (-0.8, 0.2, 0.0), (0.0, 0.0, 1.0))
     sky = ImageEnvironment(pixels, 1.5, LINEAR)
     return _scene(
-        Surface(FLOOR, texture), Surface(Sphere((-1, 0, 1), 1.0), METAL), Surface(upright, texture), sky
+        Surface(FLOOR, texture), Surface(Sphere((-1, 0, 1), 1.0), TINTED), Surface(upright, texture), sky
     )
 
 
@@ -235,7 +236,7 @@ def _shaded_sheets() -> Scene:
     below = Surface(Rectangle((-0.6, 0, 1.5), (1, 0, 0.2), (0, 1, 0)), RetarderSheet(70.0, 110.0))
     before = Surface(Rectangle((1.2, -2, 1), (0.7, 0.3, 0), (0, 0, 0.8)), PolarizerSheet(60.0))
     lamp = PointLight((-2, -1, 5), constant(20.0))
-    ball = Surface(Sphere((0, 0.3, 0.6), 0.6), METAL)
+    ball = Surface(Sphere((0, 0.3, 0.6), 0.6), TINTED)
     return _with(
         _lit(Surface(FLOOR, Plastic(constant(1.5), constant(0.7), 0.5)), ball, above, below, before), lamp
     )

@@ -62,7 +62,10 @@ LIGHTS = {
         Rectangle((0.5, 0.2, 1.0), (0.4, 0, 0), (0, -0.6, 0)),
         RectangleLight([0.1, 0.8, 1.0], [0.8, 0, 0], [0, -1.2, 0], 3.0),
     ),
-    "disk": (Disk((0.5, 0.2, 1.0), (0, 0, -1), (0.4, 0, 0)), DiskLight([0.5, 0.2, 1.0], [0, 0, -1], 0.4, 3.0)),
+    "disk": (
+        Disk((0.5, 0.2, 1.0), (0, 0, -1), (0.4, 0, 0)),
+        DiskLight([0.5, 0.2, 1.0], [0, 0, -1], 0.4, 3.0),
+    ),
     "sphere": (Sphere((0.5, 0.2, 1.0), 0.4), SphereLight([0.5, 0.2, 1.0], 0.4, 3.0)),
 }
 
@@ -130,8 +133,12 @@ def test_a_seed_changes_the_noise_and_not_the_mean():
 
 
 def test_single_and_double_precision_agree():
-    films = [render(small_scene(), Settings("scalar", samples=128, precision=p)) for p in ("single", "double")]
-    assert np.sqrt(np.mean((films[0].mean - films[1].mean) ** 2)) < 0.1 * np.sqrt(np.mean(films[0].error ** 2))
+    films = [
+        render(small_scene(), Settings("scalar", samples=128, precision=p)) for p in ("single", "double")
+    ]
+    assert np.sqrt(np.mean((films[0].mean - films[1].mean) ** 2)) < 0.1 * np.sqrt(
+        np.mean(films[0].error ** 2)
+    )
 
 
 def test_a_target_of_error_stops_early():
