@@ -6,13 +6,13 @@ import numpy as np
 
 from reflectance_fit.physics.jit import stage
 from reflectance_fit.render.kernels.lanes import (
-    Has,
     OF_A,
     OF_B,
     OF_ETA,
     OF_K,
     OF_POWER,
     OF_R0,
+    Has,
     Tables,
 )
 from reflectance_fit.render.kernels.values import value
@@ -38,7 +38,9 @@ def index_of(has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, 
 
 
 @stage
-def approximated(has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float) -> float:
+def approximated(
+    has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float
+) -> float:
     """r0 + b (1 - c)^5 - a c (1 - c)^power with the surface's coefficients; the power is 6 but for one form."""
     r0 = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_R0))], channel, j)
     b = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_B))], channel, j)
@@ -71,7 +73,9 @@ def glass_reflectance(
 
 
 @stage
-def metal_reflectance(has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float) -> float:
+def metal_reflectance(
+    has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float
+) -> float:
     """Reflectance of a metal for unpolarized light, by the Fresnel form in use."""
     if len(has.approximate) == 1 or len(has.approximate) == 3:
         return approximated(has, F, tables, shape, channel, j, c)
@@ -85,7 +89,15 @@ def metal_reflectance(has: Has, F: np.ndarray, tables: Tables, shape: int, chann
 
 @stage
 def glass_blocks(
-    has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float, front: bool, back: bool
+    has: Has,
+    F: np.ndarray,
+    tables: Tables,
+    shape: int,
+    channel: int,
+    j: int,
+    c: float,
+    front: bool,
+    back: bool,
 ) -> tuple[float, float, float, float]:
     """Block of reflection where ``back``, else of transmission; without polarization its first number alone."""
     one, zero = like(1.0, c), like(0.0, c)

@@ -15,20 +15,16 @@ from reflectance_fit.render.kernels.lanes import (
     DY,
     DZ,
     EMIT,
-    Has,
-    LAMPS,
     LANES,
-    LX,
-    LY,
-    LZ,
     NX,
     NY,
     NZ,
     Q_LIGHT,
+    Has,
     row,
     row_count,
 )
-from reflectance_fit.render.kernels.lights import polarized
+from reflectance_fit.render.kernels.polarization import sampled_state
 from reflectance_fit.render.kernels.values import frame
 from reflectance_fit.render.lobes.mueller import across, double_angle, reflect, turn
 from reflectance_fit.render.lobes.select import like, sel
@@ -106,7 +102,8 @@ def plane_of(
 
 @stage
 def gather_light(
-    has: Has, F: np.ndarray, Q: np.ndarray, lamps: np.ndarray, lamp: int, c: int, q: int, j: int, weight: float,
+    has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, lamps: np.ndarray,
+    c: int, q: int, j: int, weight: float,
     sx: float, sy: float, sz: float, a: float, b: float, e: float, d: float, cos: float, sin: float,
 ) -> None:  # fmt: skip
     """Adds to Q what a lane's rows have of the sampled light after a block (a, b, e, d) in the plane with s axis s."""
@@ -117,10 +114,7 @@ def gather_light(
         if len(has.rows) > 0:
             r1, r2 = turn(F[u32(k + u32(LANES))], F[u32(k + u32(2 * LANES))], cos, sin)
             r0, r1, r2, r3 = reflect(F[k], r1, r2, F[u32(k + u32(3 * LANES))], a, b, e, d)
-            seen = polarized(
-                has, F, lamps, u32(lamp * u32(LAMPS)),
-                F[u32(u32(LX) + j)], F[u32(u32(LY) + j)], F[u32(u32(LZ) + j)], sx, sy, sz, r0, r1, r2, r3,
-            )  # fmt: skip
+            seen = sampled_state(has, F, I, lamps, j, sx, sy, sz, r0, r1, r2, r3)
         k = Q_LIGHT + (c * row_count(has) + r) * LANES + q
         got = weight * F[u32(u32(EMIT + c * LANES) + j)] * seen
         Q[k] = Q[k] + sel(weight > zero, got, zero)

@@ -14,22 +14,22 @@ from reflectance_fit.render.kernels.lanes import (
     DX,
     DY,
     DZ,
-    Has,
     LANES,
     LIST,
+    Q_ALONE,
+    Q_DENSITY,
+    Q_FACTOR,
+    Q_LIGHT,
+    Q_SQUEEZE,
     QA,
     QB,
     QC,
     QX,
     QY,
     QZ,
-    Q_ALONE,
-    Q_DENSITY,
-    Q_FACTOR,
-    Q_LIGHT,
-    Q_SQUEEZE,
     ROWS,
     SQUEEZE,
+    Has,
     components,
     gathered,
     row_count,
@@ -43,7 +43,7 @@ CHUNK = 16
 
 
 @stage
-def listed(I: np.ndarray, field: int, wanted: int) -> int:  # noqa: E741
+def listed(I: np.ndarray, field: int, wanted: int) -> int:
     """Writes the lanes whose field has the wanted value to LIST; how many they are."""
     n = u32(0)
     for j in range(LANES):
@@ -53,7 +53,7 @@ def listed(I: np.ndarray, field: int, wanted: int) -> int:  # noqa: E741
 
 
 @stage
-def put_back(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) -> None:  # noqa: E741
+def put_back(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) -> None:
     """New direction, density, axis; rows times factor or block."""
     for q in range(n):
         j = I[u32(u32(LIST) + u32(q))]
@@ -76,7 +76,7 @@ def put_back(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) -> N
 
 
 @stage
-def take_light(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) -> None:  # noqa: E741
+def take_light(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) -> None:
     """Adds what the listed lanes got from the sampled light."""
     for q in range(n):
         j = I[u32(u32(LIST) + u32(q))]

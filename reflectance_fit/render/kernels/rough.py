@@ -5,38 +5,38 @@ from __future__ import annotations
 import numpy as np
 
 from reflectance_fit.physics.jit import stage
+from reflectance_fit.render.kernels.fresnel_of import metal_block
 from reflectance_fit.render.kernels.lanes import (
     ALONE,
     ALPHA,
     DEPTH,
-    Has,
+    DRAWS,
     KEY,
     KIND,
-    LIGHT,
     LIST,
     LIT,
     LX,
     LY,
     LZ,
     MET,
+    Q_ALONE,
+    Q_DENSITY,
+    Q_SQUEEZE,
     QA,
     QB,
     QC,
     QX,
     QY,
     QZ,
-    Q_ALONE,
-    Q_DENSITY,
-    Q_SQUEEZE,
     ROUGH_MIRROR,
     SAMPLE,
     SEEN,
     SHAPE,
     SHAPE_IDS,
     SQUEEZE,
+    Has,
     Tables,
 )
-from reflectance_fit.render.kernels.fresnel_of import glass_blocks, glass_reflectance, index_of, metal_block
 from reflectance_fit.render.kernels.local import gather_light, no_light, plane_of, side, to_local, to_world
 from reflectance_fit.render.kernels.queue import CHUNK, listed, put_back, take_light, weigh
 from reflectance_fit.render.kernels.random import pair
@@ -48,7 +48,7 @@ u32 = np.uint32
 
 
 @stage
-def rough_metal(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) -> None:  # noqa: E741
+def rough_metal(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) -> None:
     """Reflection, on either side."""
     n = listed(I, KIND, ROUGH_MIRROR)
     zero, one = like(0.0, F[0]), like(1.0, F[0])
@@ -72,15 +72,14 @@ def rough_metal(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: T
                     weight = weight * F[u32(u32(SQUEEZE) + j)]
                 wx, wy, wz = to_world(here, hx, hy, hz)
                 sx, sy, sz, cos, sin = plane_of(has, F, j, wx, wy, wz)
-                lamp = I[u32(u32(LIGHT) + j)] if len(has.lamps) > 1 else u32(0)
                 for c in range(len(has.channels)):
                     ra, rb, rc, rd = metal_block(has, F, tables, shape, c, j, min(cosine, one))
                     gather_light(
-                        has, F, Q, tables.lamps, lamp, c, q, j, weight, sx, sy, sz, ra, rb, rc, rd, cos, sin
+                        has, F, I, Q, tables.lamps, c, q, j, weight, sx, sy, sz, ra, rb, rc, rd, cos, sin
                     )
             u, v = pair(
                 has.sobol, I[u32(u32(KEY) + j)], I[u32(u32(SAMPLE) + j)],
-                u32(u32(I[u32(u32(DEPTH) + j)] * u32(4)) + u32(1)), one,
+                u32(u32(I[u32(u32(DEPTH) + j)] * u32(DRAWS)) + u32(1)), one,
             )  # fmt: skip
             hx, hy, hz = ggx.sample_visible(alpha, here.vx, here.vy, here.vz, u, v)
             lx, ly, lz, cosine = ggx.mirrored(here.vx, here.vy, here.vz, hx, hy, hz)

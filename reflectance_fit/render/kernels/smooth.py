@@ -7,14 +7,15 @@ import math
 import numpy as np
 
 from reflectance_fit.physics.jit import stage
+from reflectance_fit.render.kernels.fresnel_of import glass_blocks, glass_reflectance, metal_block
 from reflectance_fit.render.kernels.lanes import (
     ALONE,
     DEPTH,
+    DRAWS,
     DX,
     DY,
     DZ,
     GLASS,
-    Has,
     KEY,
     KIND,
     LIST,
@@ -23,21 +24,21 @@ from reflectance_fit.render.kernels.lanes import (
     NX,
     NY,
     NZ,
+    Q_ALONE,
+    Q_DENSITY,
+    Q_SQUEEZE,
     QA,
     QB,
     QC,
     QX,
     QY,
     QZ,
-    Q_ALONE,
-    Q_DENSITY,
-    Q_SQUEEZE,
     SAMPLE,
     SHAPE_IDS,
     SQUEEZE,
+    Has,
     Tables,
 )
-from reflectance_fit.render.kernels.fresnel_of import glass_blocks, glass_reflectance, metal_block
 from reflectance_fit.render.kernels.local import plane_of
 from reflectance_fit.render.kernels.queue import CHUNK, listed, put_back, weigh
 from reflectance_fit.render.kernels.random import pair
@@ -47,7 +48,7 @@ u32 = np.uint32
 
 
 @stage
-def smooth_glass(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) -> None:  # noqa: E741
+def smooth_glass(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) -> None:
     """Reflection with the probability of the channels' mean reflectance, else refraction."""
     n = listed(I, KIND, GLASS)
     zero, one, two = like(0.0, F[0]), like(1.0, F[0]), like(2.0, F[0])
@@ -79,7 +80,7 @@ def smooth_glass(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: 
                 chance = sel(cos_t > zero, chance, one)
             _, u = pair(
                 has.sobol, I[u32(u32(KEY) + j)], I[u32(u32(SAMPLE) + j)],
-                u32(u32(I[u32(u32(DEPTH) + j)] * u32(4)) + u32(2)), one,
+                u32(u32(I[u32(u32(DEPTH) + j)] * u32(DRAWS)) + u32(2)), one,
             )  # fmt: skip
             back = u < chance
             over = one / relative
@@ -112,7 +113,7 @@ def smooth_glass(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: 
 
 
 @stage
-def smooth_metal(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) -> None:  # noqa: E741
+def smooth_metal(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) -> None:
     """Reflection, on either side."""
     n = listed(I, KIND, MIRROR)
     zero, one, two = like(0.0, F[0]), like(1.0, F[0]), like(2.0, F[0])
