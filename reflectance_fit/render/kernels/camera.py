@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     ALONE,
     AX,
@@ -49,7 +49,7 @@ u32 = np.uint32
 AT, AXIS, MOVE_X, MOVE_Y, TURN_X, TURN_Y, RIGHT, STEP, FIRST_ROWS = 0, 3, 6, 9, 12, 15, 18, 21, 23
 
 
-@stage
+@vectorised
 def begin(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
     """New rays where DEPTH is 0, which becomes 1."""
     camera = tables.camera

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.fresnel_of import glass_blocks, glass_reflectance
 from reflectance_fit.render.kernels.lanes import (
     ALONE,
@@ -74,7 +74,7 @@ from reflectance_fit.render.lobes.select import like, sel
 u32 = np.uint32
 
 
-@stage
+@vectorised
 def _through_base(
     has: Has, F: np.ndarray, tables: Tables, shape: int, c: int, j: int, vz: float, lz: float
 ) -> tuple[float, float, float, float]:
@@ -86,7 +86,7 @@ def _through_base(
     return factor * av, factor * bv, al, bl
 
 
-@stage
+@vectorised
 def _light(
     has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables,
     here: Side, shape: int, alpha: float, specular: float, q: int, j: int,
@@ -122,7 +122,7 @@ def _light(
         into_base(has, F, I, Q, tables, here, c, q, j, weight, av, bv, al, bl, cos, sin)
 
 
-@stage
+@vectorised
 def into_base(
     has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables, here: Side,
     c: int, q: int, j: int, weight: float, av: float, bv: float, al: float, bl: float, cos: float, sin: float,
@@ -144,7 +144,7 @@ def into_base(
         Q[k] = Q[k] + sel(weight > zero, weight * F[u32(u32(EMIT + c * LANES) + j)] * seen, zero)
 
 
-@stage
+@vectorised
 def coat(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) -> None:
     """One of the two lobes, by what comes back from each."""
     n = listed(I, KIND, COAT)

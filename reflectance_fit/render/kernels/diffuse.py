@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     AX,
     AY,
@@ -50,7 +50,7 @@ from reflectance_fit.render.lobes.select import cos_sin_turn, like, sel
 u32 = np.uint32
 
 
-@stage
+@vectorised
 def diffuse(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
     """Light from the sampled light, and a new direction in proportion to its cosine."""
     zero, one = like(0.0, F[0]), like(1.0, F[0])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     OF_A,
     OF_B,
@@ -30,14 +30,14 @@ from reflectance_fit.render.lobes.select import like, sel
 u32 = np.uint32
 
 
-@stage
+@vectorised
 def index_of(has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, front: bool) -> float:
     """Of the far side over the near one."""
     eta = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_ETA))], channel, j)
     return sel(front, eta, like(1.0, eta) / eta)
 
 
-@stage
+@vectorised
 def approximated(
     has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float
 ) -> float:
@@ -52,7 +52,7 @@ def approximated(
     return approximate(c, r0, b, zero) - a * c * max(like(1.0, c) - c, zero) ** power
 
 
-@stage
+@vectorised
 def glass_reflectance(
     has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float, front: bool
 ) -> tuple[float, float, float]:
@@ -72,7 +72,7 @@ def glass_reflectance(
     return power, cos_t, relative
 
 
-@stage
+@vectorised
 def metal_reflectance(
     has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float
 ) -> float:
@@ -87,7 +87,7 @@ def metal_reflectance(
     return like(0.5, c) * (r_s + r_p)
 
 
-@stage
+@vectorised
 def glass_blocks(
     has: Has,
     F: np.ndarray,
@@ -110,7 +110,7 @@ def glass_blocks(
     return sel(back, ra, ta), sel(back, rb, tb), sel(back, rc, tc), sel(back, rd, zero)
 
 
-@stage
+@vectorised
 def metal_block(
     has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float
 ) -> tuple[float, float, float, float]:

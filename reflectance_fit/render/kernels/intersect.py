@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     BEYOND,
     CENTER,
@@ -61,7 +61,7 @@ Floats = np.ndarray
 Words = np.ndarray
 
 
-@stage
+@vectorised
 def _to_sphere(
     cx: float, cy: float, cz: float, dx: float, dy: float, dz: float, radius2: float, left: bool, after: float
 ) -> float:
@@ -77,7 +77,7 @@ def _to_sphere(
     return sel((t > after) & (left | (rest > zero)), t, inf)
 
 
-@stage
+@vectorised
 def closest(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """The nearest shape on each ray, MET, and its distance, FAR; NOTHING and infinity where there is none."""
     shapes, counts = tables.shapes, tables.counts
@@ -120,7 +120,7 @@ def closest(has: Has, F: Floats, I: Words, tables: Tables) -> None:
             I[MET + j] = sel(nearer, me, I[MET + j])
 
 
-@stage
+@vectorised
 def shadow(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """SEEN: 1 where nothing but sheets lies between the point met and the sampled light, else 0."""
     shapes, shape_ids, counts = tables.shapes, tables.shape_ids, tables.counts
@@ -163,7 +163,7 @@ def shadow(has: Has, F: Floats, I: Words, tables: Tables) -> None:
             F[SEEN + j] = sel(hidden, zero, F[SEEN + j])
 
 
-@stage
+@vectorised
 def meet(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """The point met, moved onto the shape, its outward normal and KIND, MISS without one."""
     shapes, shape_ids = tables.shapes, tables.shape_ids

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 
 LANES = 128
 _B = LANES
@@ -135,23 +135,23 @@ def floats(has: Has) -> int:
     return ROWS + len(has.channels) * entries * (components + 1) * LANES
 
 
-@stage
+@vectorised
 def row_count(has: Has) -> int:
     return len(has.rows) if len(has.rows) > 0 else 1
 
 
-@stage
+@vectorised
 def components(has: Has) -> int:
     return 4 if len(has.rows) > 0 else 1
 
 
-@stage
+@vectorised
 def row(has: Has, channel: int, entry: int, component: int) -> int:
     """Offset of one number of a row."""
     return ROWS + ((channel * row_count(has) + entry) * components(has) + component) * LANES
 
 
-@stage
+@vectorised
 def gathered(has: Has, channel: int, entry: int) -> int:
     """Offset of what a row has gathered."""
     before = len(has.channels) * row_count(has) * components(has)

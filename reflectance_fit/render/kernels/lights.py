@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     AX,
     AY,
@@ -78,14 +78,14 @@ from reflectance_fit.render.lobes.select import cos_sin_turn, like, sel
 u32 = np.uint32
 
 
-@stage
+@vectorised
 def cone(sin2: float) -> float:
     """1 - cos of the half angle whose squared sine is given, without cancelling."""
     one = like(1.0, sin2)
     return sin2 / (one + math.sqrt(max(one - sin2, like(0.0, sin2))))
 
 
-@stage
+@vectorised
 def choose(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
     """One light for each lane, by an alias table of their powers."""
     one = like(1.0, F[0])
@@ -99,7 +99,7 @@ def choose(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
         I[LIGHT + j] = sel(x - like(cell, one) < keep, u32(cell), other)
 
 
-@stage
+@vectorised
 def sample(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
     """A direction towards a light from the point met; its radiance over the density, which is of solid angle."""
     lamps, lamp_ids = tables.lamps, tables.lamp_ids
@@ -192,7 +192,7 @@ def sample(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
         I[TARGET + j] = lamp_ids[u32(w + u32(LAMP_SHAPE))]
 
 
-@stage
+@vectorised
 def found(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
     """Radiance of the surroundings and of lights that rays meet, weighed against sampling them."""
     lamps, lamp_ids = tables.lamps, tables.lamp_ids

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     AX,
     AY,
@@ -50,7 +50,7 @@ class Side(NamedTuple):
     front: bool
 
 
-@stage
+@vectorised
 def side(F: np.ndarray, j: int) -> Side:
     """The side of the surface that lane j meets."""
     dx, dy, dz = F[u32(u32(DX) + j)], F[u32(u32(DY) + j)], F[u32(u32(DZ) + j)]
@@ -65,7 +65,7 @@ def side(F: np.ndarray, j: int) -> Side:
     )  # fmt: skip
 
 
-@stage
+@vectorised
 def to_local(s: Side, x: float, y: float, z: float) -> tuple[float, float, float]:
     """A direction of the world in the frame."""
     return (
@@ -75,7 +75,7 @@ def to_local(s: Side, x: float, y: float, z: float) -> tuple[float, float, float
     )
 
 
-@stage
+@vectorised
 def to_world(s: Side, x: float, y: float, z: float) -> tuple[float, float, float]:
     """A direction of the frame in the world."""
     return (
@@ -85,7 +85,7 @@ def to_world(s: Side, x: float, y: float, z: float) -> tuple[float, float, float
     )
 
 
-@stage
+@vectorised
 def plane_of(
     has: Has, F: np.ndarray, j: int, hx: float, hy: float, hz: float
 ) -> tuple[float, float, float, float, float]:
@@ -100,7 +100,7 @@ def plane_of(
     return sx, sy, sz, cos, sin
 
 
-@stage
+@vectorised
 def gather_light(
     has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, lamps: np.ndarray,
     c: int, q: int, j: int, weight: float,
@@ -120,7 +120,7 @@ def gather_light(
         Q[k] = Q[k] + sel(weight > zero, got, zero)
 
 
-@stage
+@vectorised
 def no_light(has: Has, Q: np.ndarray, q: int) -> None:
     for c in range(len(has.channels)):
         for r in range(row_count(has)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from reflectance_fit.physics.jit import stage, tracer
+from reflectance_fit.physics.jit import tracer, vectorised
 from reflectance_fit.render.kernels.camera import begin
 from reflectance_fit.render.kernels.coat import coat
 from reflectance_fit.render.kernels.diffuse import diffuse
@@ -65,7 +65,7 @@ u32 = np.uint32
 _ROULETTE = 5
 
 
-@stage
+@vectorised
 def _add_spectral(has: Has, F: np.ndarray, film: np.ndarray, tables: Tables, slot: int, j: int) -> None:
     """What the wavelengths of one lane look like, in linear sRGB."""
     rows = row_count(has)
@@ -81,7 +81,7 @@ def _add_spectral(has: Has, F: np.ndarray, film: np.ndarray, tables: Tables, slo
                 film[slot * u32(3 * rows) + u32(k * rows + r)] += seen * F[u32(u32(gathered(has, c, r)) + j)]
 
 
-@stage
+@vectorised
 def retire(has: Has, F: np.ndarray, I: np.ndarray, film: np.ndarray, tables: Tables, n: int) -> int:
     """Adds what the listed lanes gathered to their pixels; how many were not numbers and are left out."""
     discarded = 0
@@ -105,7 +105,7 @@ def retire(has: Has, F: np.ndarray, I: np.ndarray, film: np.ndarray, tables: Tab
     return discarded
 
 
-@stage
+@vectorised
 def go_on(has: Has, F: np.ndarray, I: np.ndarray, deepest: int) -> None:
     """The next ray from where this one ended, unless it ended there for good; Russian roulette."""
     zero, one = like(0.0, F[0]), like(1.0, F[0])

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     AXIS,
     BX,
@@ -29,7 +29,7 @@ from reflectance_fit.render.lobes.select import like, sel
 u32 = np.uint32
 
 
-@stage
+@vectorised
 def state_of(
     lamps: np.ndarray, g: int, dx: float, dy: float, dz: float
 ) -> tuple[float, float, float, float, float, float]:
@@ -48,7 +48,7 @@ def state_of(
     )  # fmt: skip
 
 
-@stage
+@vectorised
 def polarized(
     has: Has, lamps: np.ndarray, g: int, dx: float, dy: float, dz: float,
     ax: float, ay: float, az: float, r0: float, r1: float, r2: float, r3: float,
@@ -62,7 +62,7 @@ def polarized(
     return r0 + r1 * s1 + r2 * s2 + r3 * s3
 
 
-@stage
+@vectorised
 def sampled_state(
     has: Has, F: np.ndarray, I: np.ndarray, lamps: np.ndarray, j: int,
     ax: float, ay: float, az: float, r0: float, r1: float, r2: float, r3: float,

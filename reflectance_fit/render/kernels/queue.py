@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     ALONE,
     AX,
@@ -42,7 +42,7 @@ u32 = np.uint32
 CHUNK = 16
 
 
-@stage
+@vectorised
 def listed(I: np.ndarray, field: int, wanted: int) -> int:
     """Writes the lanes whose field has the wanted value to LIST; how many they are."""
     n = u32(0)
@@ -52,7 +52,7 @@ def listed(I: np.ndarray, field: int, wanted: int) -> int:
     return n
 
 
-@stage
+@vectorised
 def put_back(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) -> None:
     """New direction, density, axis; rows times factor or block."""
     for q in range(n):
@@ -75,7 +75,7 @@ def put_back(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) -> N
                     F[u32(u32(ROWS + k * LANES) + j)] = Q[Q_FACTOR + k * LANES + q]
 
 
-@stage
+@vectorised
 def take_light(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) -> None:
     """Adds what the listed lanes got from the sampled light."""
     for q in range(n):
@@ -86,7 +86,7 @@ def take_light(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) ->
                 F[u32(u32(gathered(has, c, r)) + j)] += Q[Q_LIGHT + k * LANES + q]
 
 
-@stage
+@vectorised
 def weigh(
     has: Has, F: np.ndarray, Q: np.ndarray, c: int, q: int, j: int,
     a: float, b: float, e: float, d: float, cos: float, sin: float,

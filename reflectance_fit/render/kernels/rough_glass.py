@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.fresnel_of import glass_blocks, glass_reflectance, index_of
 from reflectance_fit.render.kernels.lanes import (
     ALONE,
@@ -55,7 +55,7 @@ from reflectance_fit.render.lobes.select import like, sel
 u32 = np.uint32
 
 
-@stage
+@vectorised
 def reflected_share(
     has: Has, F: np.ndarray, tables: Tables, shape: int, j: int, c: float, front: bool
 ) -> tuple[float, float, float, bool]:
@@ -77,7 +77,7 @@ def reflected_share(
     return sel(cos_t > zero, chance, one), cos_t, relative, same
 
 
-@stage
+@vectorised
 def apart_share(has: Has, F: np.ndarray, j: int, back: bool, same: bool, one: float) -> float:
     """1 where wavelengths part: they are refracted, differently, and have not parted before."""
     zero = like(0.0, one)
@@ -86,7 +86,7 @@ def apart_share(has: Has, F: np.ndarray, j: int, back: bool, same: bool, one: fl
     return sel(back | same | (F[u32(u32(ALONE) + j)] > zero), zero, one)
 
 
-@stage
+@vectorised
 def channel_share(has: Has, apart: float, k: int) -> float:
     """Where wavelengths part the first goes on for all."""
     zero, one = like(0.0, apart), like(1.0, apart)
@@ -95,7 +95,7 @@ def channel_share(has: Has, apart: float, k: int) -> float:
     return sel(apart > zero, like(len(has.channels), one) if k == 0 else zero, one)
 
 
-@stage
+@vectorised
 def _light(
     has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables,
     here: Side, shape: int, alpha: float, q: int, j: int,
@@ -135,7 +135,7 @@ def _light(
         )  # fmt: skip
 
 
-@stage
+@vectorised
 def rough_glass(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) -> None:
     """A visible facet reflects with the channels' mean reflectance, else refracts."""
     n = listed(I, KIND, ROUGH_GLASS)

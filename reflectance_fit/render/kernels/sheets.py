@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     ALONE,
     AX,
@@ -78,7 +78,7 @@ from reflectance_fit.render.lobes.select import like, sel
 u32 = np.uint32
 
 
-@stage
+@vectorised
 def _axis(
     shapes: np.ndarray, g: int, polarizer: bool, dx: float, dy: float, dz: float
 ) -> tuple[float, float, float]:
@@ -110,7 +110,7 @@ def _axis(
     )
 
 
-@stage
+@vectorised
 def _through(
     shapes: np.ndarray, g: int, polarizer: bool, r0: float, r1: float, r2: float, r3: float
 ) -> tuple[float, float, float, float]:
@@ -120,7 +120,7 @@ def _through(
     return sel(polarizer, p0, r0), sel(polarizer, p1, r1), sel(polarizer, p2, q2), sel(polarizer, p3, q3)
 
 
-@stage
+@vectorised
 def sheet(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables, kind: int) -> None:
     """Camera rays through one kind of sheet."""
     n = listed(I, KIND, kind)
@@ -155,7 +155,7 @@ def sheet(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables,
     put_back(has, F, I, Q, n)
 
 
-@stage
+@vectorised
 def _distance(F: np.ndarray, shapes: np.ndarray, g: int, circular: bool, j: int) -> float:
     """From the point met to the sheet, along the direction of the sampled light; infinite: not between the two."""
     zero, one = like(0.0, F[0]), like(1.0, F[0])
@@ -171,7 +171,7 @@ def _distance(F: np.ndarray, shapes: np.ndarray, g: int, circular: bool, j: int)
     return sel(between, t, like(np.inf, one))
 
 
-@stage
+@vectorised
 def lit_through_sheets(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
     """What sheets leave of the sampled light: S0 into SEEN, the rest over S0 into STATE_1 to STATE_3, of axis B.
 
@@ -217,7 +217,7 @@ def lit_through_sheets(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -
             F[STATE_1 + j], F[STATE_2 + j], F[STATE_3 + j] = s1 * over, s2 * over, s3 * over
 
 
-@stage
+@vectorised
 def _on_state(
     shapes: np.ndarray, g: int, polarizer: bool, s0: float, s1: float, s2: float, s3: float
 ) -> tuple[float, float, float, float]:

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     AX,
     AY,
@@ -51,12 +51,12 @@ u32 = np.uint32
 i32 = np.int32
 
 
-@stage
+@vectorised
 def _per_pixel(has: Has) -> int:
     return 3 if len(has.spectral) > 0 else len(has.channels)
 
 
-@stage
+@vectorised
 def sky_sample(
     has: Has, I: np.ndarray, tables: Tables, j: int, one: float
 ) -> tuple[float, float, float, float, int]:
@@ -87,7 +87,7 @@ def sky_sample(
     return across * cos, across * sin, z, tables.sky[u32(densities + cell)], cell
 
 
-@stage
+@vectorised
 def sky_found(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
     """Radiance of the picture for lanes that meet nothing, weighed against sampling it; one by one."""
     n = listed(I, KIND, MISS)

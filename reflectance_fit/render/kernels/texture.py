@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     EDGE_U,
     EDGE_V,
@@ -28,7 +28,7 @@ from reflectance_fit.render.lobes.select import like, sel
 u32 = np.uint32
 
 
-@stage
+@vectorised
 def paint(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
     """PAINT: reflectance of the diffuse surface that is met, of its curve or of the pixel there."""
     shapes, shape_ids = tables.shapes, tables.shape_ids

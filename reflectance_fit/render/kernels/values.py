@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     LANES,
     WAVE,
@@ -18,7 +18,7 @@ u32 = np.uint32
 FIRST_NM, STEP_NM, POINTS = 360.0, 5.0, 95
 
 
-@stage
+@vectorised
 def value(has: Has, F: np.ndarray, curves: np.ndarray, curve: int, channel: int, j: int) -> float:
     """A curve at one of a lane's channels."""
     if len(has.spectral) > 0:
@@ -32,7 +32,7 @@ def value(has: Has, F: np.ndarray, curves: np.ndarray, curve: int, channel: int,
     return curves[u32(u32(curve * u32(len(has.channels))) + u32(channel))]
 
 
-@stage
+@vectorised
 def primaries(
     has: Has, F: np.ndarray, tables: Tables, pixels: np.ndarray, pixel: int, first: int, channel: int, j: int
 ) -> float:
@@ -47,7 +47,7 @@ def primaries(
     )
 
 
-@stage
+@vectorised
 def frame(x: float, y: float, z: float) -> tuple[float, float, float, float, float, float]:
     """Two unit vectors at right angles to a unit vector and to one another.
 
@@ -62,7 +62,7 @@ def frame(x: float, y: float, z: float) -> tuple[float, float, float, float, flo
     return one + sign * x * x * a, sign * b, -sign * x, b, sign + y * y * a, -y
 
 
-@stage
+@vectorised
 def power_heuristic(taken: float, other: float) -> float:
     """Weight of a direction drawn with density ``taken`` that ``other`` might have drawn; 1 where other is 0.
 
