@@ -73,7 +73,7 @@ def begin(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
             sel(new, dz, F[DZ + j]),
         )
         F[DENSITY + j] = sel(new, zero, F[DENSITY + j])
-        if len(has.smooth) > 0:
+        if len(has.refracting) > 0:
             F[SQUEEZE + j] = sel(new, one, F[SQUEEZE + j])
         if len(has.sheets) > 0:
             F[BEYOND + j] = sel(new, zero, F[BEYOND + j])
@@ -93,7 +93,7 @@ def begin(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
                 u = hero + like(0.25 * c, one)
                 u = sel(u >= one, u - one, u) * cells
                 cell = np.int32(u)
-                low, high = tables.spectra[u32(cell)], tables.spectra[u32(cell + np.int32(1))]
+                low, high = tables.spectra[cell], tables.spectra[cell + 1]
                 k = c * LANES + j
                 F[WAVE + k] = sel(new, low + (u - like(cell, one)) * (high - low), F[WAVE + k])
                 # One over the density, and over the number of wavelengths.

@@ -62,6 +62,8 @@ RUNNING, DONE, IDLE = 0, 1, 2
 DRAWS = 6
 
 NOTHING = 0xFFFFFFFF
+# Masks of lanes, shapes and curves: a gather is twice as fast when its indices are known to be small.
+LAST, MOST = LANES - 1, 0xFFFF
 # What a ray can meet.
 MISS, LAMP, DIFFUSE, GLASS, MIRROR, ROUGH_MIRROR, ROUGH_GLASS, COAT, POLARIZER, RETARDER, ASLEEP = range(11)
 
@@ -92,15 +94,26 @@ class Has(NamedTuple):
     lamps: tuple[int, ...]  # lights that are sampled: none, one, or two for many
     area: tuple[int, ...]  # with an area
     points: tuple[int, ...]  # without
-    image: tuple[int, ...]
     polarized: tuple[int, ...]  # any of them, or the surroundings
-    smooth: tuple[int, ...]
-    rough: tuple[int, ...]
-    coat: tuple[int, ...]
+    refracting: tuple[int, ...]
     sheets: tuple[int, ...]
     textures: tuple[int, ...]
     dispersive: tuple[int, ...]
     approximate: tuple[int, ...]  # one: r0, b, a and power 6; two: by eta and k; three: any power
+
+
+class Parts(NamedTuple):
+    """Parts of the transport that a scene needs; None keeps numba from even looking at a part."""
+
+    lamps: int | None
+    image: int | None
+    textures: int | None
+    glass: int | None
+    metal: int | None
+    rough_metal: int | None
+    rough_glass: int | None
+    coat: int | None
+    sheets: int | None
 
 
 class Tables(NamedTuple):

@@ -10,6 +10,13 @@ from numba import types
 from numba.extending import intrinsic
 
 from reflectance_fit.physics.jit import vectorised
+from reflectance_fit.render.kernels.lanes import (
+    DEPTH,
+    DRAWS,
+    KEY,
+    SAMPLE,
+    Has,
+)
 from reflectance_fit.render.lobes.select import like
 
 u32 = np.uint32
@@ -94,3 +101,10 @@ def pair(sobol: tuple[int, ...], key: int, sample: int, dimension: int, number: 
         return unit(first, number), unit(reversed_bits(_scrambled(_second(index), third)), number)
     first = mix(u32(seed ^ sample))
     return unit(first, number), unit(mix(u32(first + u32(seed * u32(5)))), number)
+
+
+@vectorised
+def draw(has: Has, I: np.ndarray, j: int, number: int, one: float) -> tuple[float, float]:
+    """Pair ``number`` below DRAWS of the ray that lane j follows."""
+    dimension = u32(u32(I[DEPTH + j] * u32(DRAWS)) + u32(number))
+    return pair(has.sobol, I[KEY + j], I[SAMPLE + j], dimension, one)

@@ -10,6 +10,7 @@ from reflectance_fit.render.kernels.lanes import (
     EDGE_V,
     LANES,
     MET,
+    MOST,
     OF_COLOUR,
     OF_TEXTURE,
     PAINT,
@@ -34,25 +35,25 @@ def paint(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
     shapes, shape_ids = tables.shapes, tables.shape_ids
     zero, half, one = like(0.0, F[0]), like(0.5, F[0]), like(1.0, F[0])
     for j in range(LANES):
-        met = I[MET + j]
-        g, w = u32(met * u32(SHAPE)), u32(met * u32(SHAPE_IDS))
-        colour, texture = shape_ids[u32(w + u32(OF_COLOUR))], shape_ids[u32(w + u32(OF_TEXTURE))]
+        met = I[MET + j] & MOST
+        g, w = met * SHAPE, met * SHAPE_IDS
+        colour, texture = shape_ids[w + OF_COLOUR], shape_ids[w + OF_TEXTURE]
         # 0: none, so the first is number 1.
         painted = texture > u32(0)
         t = u32(u32(sel(painted, u32(texture - u32(1)), u32(0))) * u32(3))
         first, width, height = (
             tables.paint_ids[t],
-            tables.paint_ids[u32(t + u32(1))],
-            tables.paint_ids[u32(t + u32(2))],
+            tables.paint_ids[t + 1],
+            tables.paint_ids[t + 2],
         )
         x, y, z = (
             F[PX + j] - shapes[g],
-            F[PY + j] - shapes[u32(g + u32(1))],
-            F[PZ + j] - shapes[u32(g + u32(2))],
+            F[PY + j] - shapes[g + 1],
+            F[PZ + j] - shapes[g + 2],
         )
-        a, b = u32(g + u32(EDGE_U)), u32(g + u32(EDGE_V))
-        u = x * shapes[a] + y * shapes[u32(a + u32(1))] + z * shapes[u32(a + u32(2))]
-        v = x * shapes[b] + y * shapes[u32(b + u32(1))] + z * shapes[u32(b + u32(2))]
+        a, b = g + EDGE_U, g + EDGE_V
+        u = x * shapes[a] + y * shapes[a + 1] + z * shapes[a + 2]
+        v = x * shapes[b] + y * shapes[b + 1] + z * shapes[b + 2]
         across = min(max((u + one) * half, zero), one) * like(np.int32(width), one)
         down = min(max((one - v) * half, zero), one) * like(np.int32(height), one)
         column = u32(min(np.int32(across), np.int32(width) - np.int32(1)))
