@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,7 +149,7 @@ def pack(scene: Scene, settings: Settings) -> Packed:
     )
     dtype = np.float32 if settings.precision == "single" else np.float64
 
-    def as_numbers(array: Floats) -> NDArray[np.floating]:
+    def as_numbers(array: Floats) -> NDArray[Any]:
         return np.ascontiguousarray(array, dtype=dtype).ravel()
 
     tables = lanes.Tables(

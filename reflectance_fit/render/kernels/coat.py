@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.fresnel_of import glass_blocks, glass_reflectance
 from reflectance_fit.render.kernels.lanes import (
@@ -44,8 +42,10 @@ from reflectance_fit.render.kernels.lanes import (
     SHAPE,
     SHAPE_IDS,
     SQUEEZE,
+    Floats,
     Has,
     Tables,
+    Words,
     components,
     row,
     row_count,
@@ -69,12 +69,10 @@ from reflectance_fit.render.lobes.mueller import across, reflect, turn
 from reflectance_fit.render.lobes.plastic import choose_specular
 from reflectance_fit.render.lobes.select import like, sel
 
-u32 = np.uint32
-
 
 @vectorised
 def _through_base(
-    has: Has, F: np.ndarray, tables: Tables, shape: int, c: int, j: int, vz: float, lz: float
+    has: Has, F: Floats, tables: Tables, shape: int, c: int, j: int, vz: float, lz: float
 ) -> tuple[float, float, float, float]:
     """Base factor times the block (a_v, b_v) out of the coat, and (a_l, b_l) into it."""
     one = like(1.0, vz)
@@ -86,7 +84,7 @@ def _through_base(
 
 @vectorised
 def _light(
-    has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables,
+    has: Has, F: Floats, I: Words, Q: Floats, tables: Tables,
     here: Side, shape: int, alpha: float, specular: float, q: int, j: int,
 ) -> None:  # fmt: skip
     """What the sampled light gives by the base, and by the coat where that is rough."""
@@ -122,7 +120,7 @@ def _light(
 
 @vectorised
 def into_base(
-    has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables, here: Side,
+    has: Has, F: Floats, I: Words, Q: Floats, tables: Tables, here: Side,
     c: int, q: int, j: int, weight: float, av: float, bv: float, al: float, bl: float, cos: float, sin: float,
 ) -> None:  # fmt: skip
     """Adds what a lane's rows have of the sampled light by way of the base."""
@@ -143,7 +141,7 @@ def into_base(
 
 
 @vectorised
-def coat(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) -> None:
+def coat(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables) -> None:
     """One of the two lobes, by what comes back from each."""
     n = listed(I, KIND, COAT)
     zero, one = like(0.0, F[0]), like(1.0, F[0])

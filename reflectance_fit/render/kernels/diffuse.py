@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     AX,
@@ -32,22 +30,23 @@ from reflectance_fit.render.kernels.lanes import (
     SEEN,
     SHAPE_IDS,
     SQUEEZE,
+    Floats,
     Has,
     Tables,
+    Words,
     components,
     gathered,
     row,
     row_count,
+    u32,
 )
 from reflectance_fit.render.kernels.random import draw
 from reflectance_fit.render.kernels.values import frame, power_heuristic, value
 from reflectance_fit.render.lobes.select import cos_sin_turn, like, sel
 
-u32 = np.uint32
-
 
 @vectorised
-def diffuse(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
+def diffuse(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """Light from the sampled light, and a new direction in proportion to its cosine."""
     zero, one = like(0.0, F[0]), like(1.0, F[0])
     over_pi = like(1.0 / math.pi, one)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     OF_A,
@@ -12,6 +10,7 @@ from reflectance_fit.render.kernels.lanes import (
     OF_K,
     OF_POWER,
     OF_R0,
+    Floats,
     Has,
     Tables,
 )
@@ -27,20 +26,16 @@ from reflectance_fit.render.lobes.fresnel import (
 )
 from reflectance_fit.render.lobes.select import like, sel
 
-u32 = np.uint32
-
 
 @vectorised
-def index_of(has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, front: bool) -> float:
+def index_of(has: Has, F: Floats, tables: Tables, shape: int, channel: int, j: int, front: bool) -> float:
     """Of the far side over the near one."""
     eta = value(has, F, tables.curves, tables.shape_ids[shape + OF_ETA], channel, j)
     return sel(front, eta, like(1.0, eta) / eta)
 
 
 @vectorised
-def approximated(
-    has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float
-) -> float:
+def approximated(has: Has, F: Floats, tables: Tables, shape: int, channel: int, j: int, c: float) -> float:
     """r0 + b (1 - c)^5 - a c (1 - c)^power with the surface's coefficients; the power is 6 but for one form."""
     r0 = value(has, F, tables.curves, tables.shape_ids[shape + OF_R0], channel, j)
     b = value(has, F, tables.curves, tables.shape_ids[shape + OF_B], channel, j)
@@ -54,7 +49,7 @@ def approximated(
 
 @vectorised
 def glass_reflectance(
-    has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float, front: bool
+    has: Has, F: Floats, tables: Tables, shape: int, channel: int, j: int, c: float, front: bool
 ) -> tuple[float, float, float]:
     """Reflectance, cosine of refraction and relative index at a dielectric, by the Fresnel form in use."""
     one = like(1.0, c)
@@ -74,7 +69,7 @@ def glass_reflectance(
 
 @vectorised
 def metal_reflectance(
-    has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float
+    has: Has, F: Floats, tables: Tables, shape: int, channel: int, j: int, c: float
 ) -> float:
     """Reflectance of a metal for unpolarized light, by the Fresnel form in use."""
     if len(has.approximate) == 1 or len(has.approximate) == 3:
@@ -90,7 +85,7 @@ def metal_reflectance(
 @vectorised
 def glass_blocks(
     has: Has,
-    F: np.ndarray,
+    F: Floats,
     tables: Tables,
     shape: int,
     channel: int,
@@ -112,7 +107,7 @@ def glass_blocks(
 
 @vectorised
 def metal_block(
-    has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float
+    has: Has, F: Floats, tables: Tables, shape: int, channel: int, j: int, c: float
 ) -> tuple[float, float, float, float]:
     """Block of reflection; without polarization its first number alone."""
     zero = like(0.0, c)

@@ -52,14 +52,13 @@ from reflectance_fit.render.kernels.lanes import (
     SHAPE_IDS,
     STATE,
     TARGET,
+    Floats,
     Has,
     Tables,
+    Words,
+    u32,
 )
 from reflectance_fit.render.lobes.select import like, sel
-
-u32 = np.uint32
-Floats = np.ndarray
-Words = np.ndarray
 
 
 @vectorised

@@ -9,8 +9,13 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reflectance_fit.physics.jit import vectorised
+
+# numba takes these as types, mypy must not.
+u32: Any = np.uint32
+i32: Any = np.int32
 
 LANES = 128
 _B = LANES
@@ -82,6 +87,10 @@ AT, TURNED, HALF_U, HALF_V, SIZE, CHOSEN, KEEP, POLARIZED, AXIS = 0, 3, 6, 9, 12
 LAMP_IDS = 4
 LAMP_KIND, LAMP_SHAPE, LAMP_CURVE, LAMP_ALIAS = range(4)
 POINT, DIRECTIONAL, FLAT, ROUND, BALL, IMAGE = range(6)
+
+
+Floats = NDArray[Any]
+Words = NDArray[np.uint32]
 
 
 class Has(NamedTuple):
@@ -171,5 +180,5 @@ def gathered(has: Has, channel: int, entry: int) -> int:
     return ROWS + (before + channel * row_count(has) + entry) * LANES
 
 
-def integers() -> np.ndarray:
+def integers() -> Words:
     return np.zeros(INTEGERS, np.uint32)

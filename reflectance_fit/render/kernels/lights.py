@@ -38,6 +38,7 @@ from reflectance_fit.render.kernels.lanes import (
     LZ,
     MET,
     MISS,
+    MOST,
     NX,
     NY,
     NZ,
@@ -57,18 +58,20 @@ from reflectance_fit.render.kernels.lanes import (
     SQUEEZE,
     TARGET,
     TURNED,
+    Floats,
     Has,
     Tables,
+    Words,
     gathered,
+    i32,
     row,
     row_count,
+    u32,
 )
 from reflectance_fit.render.kernels.polarization import polarized
 from reflectance_fit.render.kernels.random import draw
 from reflectance_fit.render.kernels.values import frame, value
 from reflectance_fit.render.lobes.select import cos_sin_turn, like, sel
-
-u32 = np.uint32
 
 
 @vectorised
@@ -79,21 +82,21 @@ def cone(sin2: float) -> float:
 
 
 @vectorised
-def choose(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
+def choose(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """One light for each lane, by an alias table of their powers."""
     one = like(1.0, F[0])
     count = like(tables.counts[SAMPLED], one)
     for j in range(LANES):
         u, _ = draw(has, I, j, 2, one)
         x = u * count
-        cell = np.int32(x)
+        cell = i32(x)
         keep = tables.lamps[cell * LAMPS + KEEP]
         other = tables.lamp_ids[cell * LAMP_IDS + LAMP_ALIAS]
         I[LIGHT + j] = sel(x - like(cell, one) < keep, u32(cell), other)
 
 
 @vectorised
-def sample(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
+def sample(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """A direction towards a light from the point met; its radiance over the density, which is of solid angle."""
     lamps, lamp_ids = tables.lamps, tables.lamp_ids
     zero, one, two, inf = like(0.0, F[0]), like(1.0, F[0]), like(2.0, F[0]), like(np.inf, F[0])
@@ -176,7 +179,7 @@ def sample(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
 
 
 @vectorised
-def found(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
+def found(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """Radiance of the surroundings and of lights that rays meet, weighed against sampling them."""
     lamps, lamp_ids = tables.lamps, tables.lamp_ids
     zero, one, pi = like(0.0, F[0]), like(1.0, F[0]), like(math.pi, F[0])
@@ -190,9 +193,7 @@ def found(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
             met = I[KIND + j] == u32(LAMP)
             lamp = u32(0)
             if len(has.lamps) > 1:
-                lamp = tables.shape_ids[
-                    u32(u32(sel(met, I[MET + j], u32(0)) * u32(SHAPE_IDS)) + u32(OF_LIGHT))
-                ]
+                lamp = tables.shape_ids[(I[MET + j] & MOST) * SHAPE_IDS + OF_LIGHT]
                 lamp = sel(met, lamp, u32(0))
             g, w = lamp * LAMPS, lamp * LAMP_IDS
             size, chosen = lamps[g + SIZE], lamps[g + CHOSEN]

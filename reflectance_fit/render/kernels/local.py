@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     AX,
@@ -20,7 +18,9 @@ from reflectance_fit.render.kernels.lanes import (
     NY,
     NZ,
     Q_LIGHT,
+    Floats,
     Has,
+    Words,
     row,
     row_count,
 )
@@ -28,8 +28,6 @@ from reflectance_fit.render.kernels.polarization import sampled_state
 from reflectance_fit.render.kernels.values import frame
 from reflectance_fit.render.lobes.mueller import across, double_angle, reflect, turn
 from reflectance_fit.render.lobes.select import like, sel
-
-u32 = np.uint32
 
 
 class Side(NamedTuple):
@@ -51,7 +49,7 @@ class Side(NamedTuple):
 
 
 @vectorised
-def side(F: np.ndarray, j: int) -> Side:
+def side(F: Floats, j: int) -> Side:
     """The side of the surface that lane j meets."""
     dx, dy, dz = F[DX + j], F[DY + j], F[DZ + j]
     nx, ny, nz = F[NX + j], F[NY + j], F[NZ + j]
@@ -87,7 +85,7 @@ def to_world(s: Side, x: float, y: float, z: float) -> tuple[float, float, float
 
 @vectorised
 def plane_of(
-    has: Has, F: np.ndarray, j: int, hx: float, hy: float, hz: float
+    has: Has, F: Floats, j: int, hx: float, hy: float, hz: float
 ) -> tuple[float, float, float, float, float]:
     """The s axis of lane j's ray and a facet's normal, and the turn of its rows to it (cosine and sine of twice the angle)."""
     one, zero = like(1.0, hx), like(0.0, hx)
@@ -102,7 +100,7 @@ def plane_of(
 
 @vectorised
 def gather_light(
-    has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, lamps: np.ndarray,
+    has: Has, F: Floats, I: Words, Q: Floats, lamps: Floats,
     c: int, q: int, j: int, weight: float,
     sx: float, sy: float, sz: float, a: float, b: float, e: float, d: float, cos: float, sin: float,
 ) -> None:  # fmt: skip
@@ -121,7 +119,7 @@ def gather_light(
 
 
 @vectorised
-def no_light(has: Has, Q: np.ndarray, q: int) -> None:
+def no_light(has: Has, Q: Floats, q: int) -> None:
     for c in range(len(has.channels)):
         for r in range(row_count(has)):
             k = Q_LIGHT + (c * row_count(has) + r) * LANES + q

@@ -40,12 +40,15 @@ from reflectance_fit.render.kernels.lanes import (
     SLOT,
     STATE,
     WAVE,
+    Floats,
     Has,
     Tables,
+    Words,
     components,
     gathered,
     row,
     row_count,
+    u32,
 )
 from reflectance_fit.render.kernels.lights import found, sample
 from reflectance_fit.render.kernels.queue import listed
@@ -59,14 +62,12 @@ from reflectance_fit.render.kernels.texture import paint
 from reflectance_fit.render.kernels.values import FIRST_NM, POINTS, STEP_NM
 from reflectance_fit.render.lobes.select import like, sel
 
-u32 = np.uint32
-
 # The first ray that Russian roulette may end.
 _ROULETTE = 5
 
 
 @vectorised
-def _add_spectral(has: Has, F: np.ndarray, film: np.ndarray, tables: Tables, slot: int, j: int) -> None:
+def _add_spectral(has: Has, F: Floats, film: Floats, tables: Tables, slot: int, j: int) -> None:
     """What the wavelengths of one lane look like, in linear sRGB."""
     rows = row_count(has)
     for c in range(len(has.channels)):
@@ -82,7 +83,7 @@ def _add_spectral(has: Has, F: np.ndarray, film: np.ndarray, tables: Tables, slo
 
 
 @vectorised
-def retire(has: Has, F: np.ndarray, I: np.ndarray, film: np.ndarray, tables: Tables, n: int) -> int:
+def retire(has: Has, F: Floats, I: Words, film: Floats, tables: Tables, n: int) -> int:
     """Adds what the listed lanes gathered to their pixels; how many were not numbers and are left out."""
     discarded = 0
     size = len(has.channels) * row_count(has)
@@ -106,7 +107,7 @@ def retire(has: Has, F: np.ndarray, I: np.ndarray, film: np.ndarray, tables: Tab
 
 
 @vectorised
-def go_on(has: Has, F: np.ndarray, I: np.ndarray, deepest: int) -> None:
+def go_on(has: Has, F: Floats, I: Words, deepest: int) -> None:
     """The next ray from where this one ended, unless it ended there for good; Russian roulette."""
     zero, one = like(0.0, F[0]), like(1.0, F[0])
     for j in range(LANES):
@@ -139,10 +140,10 @@ def go_on(has: Has, F: np.ndarray, I: np.ndarray, deepest: int) -> None:
 def trace(
     has: Has,
     tables: Tables,
-    F: np.ndarray,
-    I: np.ndarray,
-    Q: np.ndarray,
-    film: np.ndarray,
+    F: Floats,
+    I: Words,
+    Q: Floats,
+    film: Floats,
     left: int,
     top: int,
     width: int,

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     AXIS,
@@ -21,17 +19,18 @@ from reflectance_fit.render.kernels.lanes import (
     STATE_1,
     STATE_2,
     STATE_3,
+    Floats,
     Has,
+    Words,
+    u32,
 )
 from reflectance_fit.render.lobes.mueller import double_angle, turn
 from reflectance_fit.render.lobes.select import like, sel
 
-u32 = np.uint32
-
 
 @vectorised
 def state_of(
-    lamps: np.ndarray, g: int, dx: float, dy: float, dz: float
+    lamps: Floats, g: int, dx: float, dy: float, dz: float
 ) -> tuple[float, float, float, float, float, float]:
     """Axis at right angles to a ray along d, and Stokes vector over S0, of the light whose numbers begin at g."""
     zero, one, tiny = like(0.0, dx), like(1.0, dx), like(1e-12, dx)
@@ -50,7 +49,7 @@ def state_of(
 
 @vectorised
 def polarized(
-    has: Has, lamps: np.ndarray, g: int, dx: float, dy: float, dz: float,
+    has: Has, lamps: Floats, g: int, dx: float, dy: float, dz: float,
     ax: float, ay: float, az: float, r0: float, r1: float, r2: float, r3: float,
 ) -> float:  # fmt: skip
     """A row, of axis a and a ray along d, times the Stokes vector over S0 of the light whose numbers begin at g."""
@@ -64,7 +63,7 @@ def polarized(
 
 @vectorised
 def sampled_state(
-    has: Has, F: np.ndarray, I: np.ndarray, lamps: np.ndarray, j: int,
+    has: Has, F: Floats, I: Words, lamps: Floats, j: int,
     ax: float, ay: float, az: float, r0: float, r1: float, r2: float, r3: float,
 ) -> float:  # fmt: skip
     """A row of axis a, of a ray towards lane j's sampled light, times that light's Stokes vector over S0."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     ALONE,
@@ -30,21 +28,22 @@ from reflectance_fit.render.kernels.lanes import (
     QZ,
     ROWS,
     SQUEEZE,
+    Floats,
     Has,
+    Words,
     components,
     gathered,
     row_count,
+    u32,
 )
 from reflectance_fit.render.lobes.mueller import reflect, turn
-
-u32 = np.uint32
 
 # What one round of a loop over a list takes on: a vector of the widest registers in float32.
 CHUNK = 16
 
 
 @vectorised
-def listed(I: np.ndarray, field: int, wanted: int) -> int:
+def listed(I: Words, field: int, wanted: int) -> int:
     """Writes the lanes whose field has the wanted value to LIST; how many they are."""
     n = u32(0)
     for j in range(LANES):
@@ -54,7 +53,7 @@ def listed(I: np.ndarray, field: int, wanted: int) -> int:
 
 
 @vectorised
-def put_back(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) -> None:
+def put_back(has: Has, F: Floats, I: Words, Q: Floats, n: int) -> None:
     """New direction, density, axis; rows times factor or block."""
     for q in range(n):
         j = I[LIST + q] & LAST
@@ -77,7 +76,7 @@ def put_back(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) -> N
 
 
 @vectorised
-def take_light(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) -> None:
+def take_light(has: Has, F: Floats, I: Words, Q: Floats, n: int) -> None:
     """Adds what the listed lanes got from the sampled light."""
     for q in range(n):
         j = I[LIST + q] & LAST
@@ -89,7 +88,7 @@ def take_light(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) ->
 
 @vectorised
 def weigh(
-    has: Has, F: np.ndarray, Q: np.ndarray, c: int, q: int, j: int,
+    has: Has, F: Floats, Q: Floats, c: int, q: int, j: int,
     a: float, b: float, e: float, d: float, cos: float, sin: float,
 ) -> None:  # fmt: skip
     """A lane's rows of one channel, turned into the plane of incidence, times the block (a, b, e, d) of a Mueller matrix."""

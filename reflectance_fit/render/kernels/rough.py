@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.fresnel_of import metal_block
 from reflectance_fit.render.kernels.lanes import (
@@ -32,8 +30,10 @@ from reflectance_fit.render.kernels.lanes import (
     SHAPE,
     SHAPE_IDS,
     SQUEEZE,
+    Floats,
     Has,
     Tables,
+    Words,
 )
 from reflectance_fit.render.kernels.local import gather_light, no_light, plane_of, side, to_local, to_world
 from reflectance_fit.render.kernels.queue import CHUNK, listed, put_back, take_light, weigh
@@ -42,11 +42,9 @@ from reflectance_fit.render.kernels.values import power_heuristic
 from reflectance_fit.render.lobes import ggx
 from reflectance_fit.render.lobes.select import like, sel
 
-u32 = np.uint32
-
 
 @vectorised
-def rough_metal(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) -> None:
+def rough_metal(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables) -> None:
     """Reflection, on either side."""
     n = listed(I, KIND, ROUGH_MIRROR)
     zero, one = like(0.0, F[0]), like(1.0, F[0])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.fresnel_of import glass_blocks, glass_reflectance, index_of
 from reflectance_fit.render.kernels.lanes import (
@@ -32,8 +30,10 @@ from reflectance_fit.render.kernels.lanes import (
     SHAPE,
     SHAPE_IDS,
     SQUEEZE,
+    Floats,
     Has,
     Tables,
+    Words,
 )
 from reflectance_fit.render.kernels.local import (
     Side,
@@ -50,12 +50,10 @@ from reflectance_fit.render.kernels.values import power_heuristic
 from reflectance_fit.render.lobes import ggx
 from reflectance_fit.render.lobes.select import like, sel
 
-u32 = np.uint32
-
 
 @vectorised
 def reflected_share(
-    has: Has, F: np.ndarray, tables: Tables, shape: int, j: int, c: float, front: bool
+    has: Has, F: Floats, tables: Tables, shape: int, j: int, c: float, front: bool
 ) -> tuple[float, float, float, bool]:
     """Probability of reflection, cosine of refraction, relative index, and whether all channels share that."""
     zero, one = like(0.0, c), like(1.0, c)
@@ -76,7 +74,7 @@ def reflected_share(
 
 
 @vectorised
-def apart_share(has: Has, F: np.ndarray, j: int, back: bool, same: bool, one: float) -> float:
+def apart_share(has: Has, F: Floats, j: int, back: bool, same: bool, one: float) -> float:
     """1 where wavelengths part: they are refracted, differently, and have not parted before."""
     zero = like(0.0, one)
     if len(has.spectral) == 0:
@@ -95,7 +93,7 @@ def channel_share(has: Has, apart: float, k: int) -> float:
 
 @vectorised
 def _light(
-    has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables,
+    has: Has, F: Floats, I: Words, Q: Floats, tables: Tables,
     here: Side, shape: int, alpha: float, q: int, j: int,
 ) -> None:  # fmt: skip
     """What the sampled light gives through the one facet that turns it into the path."""
@@ -134,7 +132,7 @@ def _light(
 
 
 @vectorised
-def rough_glass(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) -> None:
+def rough_glass(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables) -> None:
     """A visible facet reflects with the channels' mean reflectance, else refracts."""
     n = listed(I, KIND, ROUGH_GLASS)
     zero, one = like(0.0, F[0]), like(1.0, F[0])

@@ -65,11 +65,14 @@ from reflectance_fit.render.kernels.lanes import (
     STATE_1,
     STATE_2,
     STATE_3,
+    Floats,
     Has,
     Tables,
+    Words,
     components,
     row,
     row_count,
+    u32,
 )
 from reflectance_fit.render.kernels.polarization import state_of
 from reflectance_fit.render.kernels.queue import CHUNK, listed, put_back
@@ -77,12 +80,10 @@ from reflectance_fit.render.kernels.values import frame
 from reflectance_fit.render.lobes.mueller import double_angle, polarize, retard, turn
 from reflectance_fit.render.lobes.select import like, sel
 
-u32 = np.uint32
-
 
 @vectorised
 def _axis(
-    shapes: np.ndarray, g: int, polarizer: bool, dx: float, dy: float, dz: float
+    shapes: Floats, g: int, polarizer: bool, dx: float, dy: float, dz: float
 ) -> tuple[float, float, float]:
     """The axis of the sheet whose numbers begin at g, transmitting or fast, for a ray along d."""
     one, tiny = like(1.0, dx), like(1e-18, dx)
@@ -114,7 +115,7 @@ def _axis(
 
 @vectorised
 def _through(
-    shapes: np.ndarray, g: int, polarizer: bool, r0: float, r1: float, r2: float, r3: float
+    shapes: Floats, g: int, polarizer: bool, r0: float, r1: float, r2: float, r3: float
 ) -> tuple[float, float, float, float]:
     """A row times the sheet's matrix, in the frame of its axis."""
     p0, p1, p2, p3 = polarize(r0, r1, r2, r3, shapes[g + M2])
@@ -123,7 +124,7 @@ def _through(
 
 
 @vectorised
-def sheet(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables, kind: int) -> None:
+def sheet(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables, kind: int) -> None:
     """Camera rays through one kind of sheet."""
     n = listed(I, KIND, kind)
     half, one = like(0.5, F[0]), like(1.0, F[0])
@@ -158,7 +159,7 @@ def sheet(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables,
 
 
 @vectorised
-def _distance(F: np.ndarray, shapes: np.ndarray, g: int, circular: bool, j: int) -> float:
+def _distance(F: Floats, shapes: Floats, g: int, circular: bool, j: int) -> float:
     """From the point met to the sheet, along the direction of the sampled light; infinite: not between the two."""
     zero, one = like(0.0, F[0]), like(1.0, F[0])
     cx, cy, cz = F[PX + j] - shapes[g], F[PY + j] - shapes[g + 1], F[PZ + j] - shapes[g + 2]
@@ -174,7 +175,7 @@ def _distance(F: np.ndarray, shapes: np.ndarray, g: int, circular: bool, j: int)
 
 
 @vectorised
-def lit_through_sheets(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
+def lit_through_sheets(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """What sheets leave of the sampled light: S0 into SEEN, the rest over S0 into STATE_1 to STATE_3, of axis B.
 
     Lane by lane: from the light on, through the sheets in the order of their distance.
@@ -221,7 +222,7 @@ def lit_through_sheets(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -
 
 @vectorised
 def _on_state(
-    shapes: np.ndarray, g: int, polarizer: bool, s0: float, s1: float, s2: float, s3: float
+    shapes: Floats, g: int, polarizer: bool, s0: float, s1: float, s2: float, s3: float
 ) -> tuple[float, float, float, float]:
     """The sheet's matrix times a Stokes vector, in the frame of its axis."""
     p0, p1, p2, p3 = polarize(s0, s1, s2, s3, shapes[g + M2])

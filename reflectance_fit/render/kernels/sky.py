@@ -39,20 +39,21 @@ from reflectance_fit.render.kernels.lanes import (
     SKY_PRIMARIES,
     SKY_WIDTH,
     SQUEEZE,
+    Floats,
     Has,
     Tables,
+    Words,
     gathered,
+    i32,
     row,
     row_count,
+    u32,
 )
 from reflectance_fit.render.kernels.polarization import polarized
 from reflectance_fit.render.kernels.queue import listed
 from reflectance_fit.render.kernels.random import draw
 from reflectance_fit.render.kernels.values import primaries
 from reflectance_fit.render.lobes.select import cos_sin_turn, like, sel
-
-u32 = np.uint32
-i32 = np.int32
 
 
 @vectorised
@@ -61,7 +62,7 @@ def _per_pixel(has: Has) -> int:
 
 
 @vectorised
-def sky_sample(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
+def sky_sample(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """Where the light chosen is the picture: a direction towards it, and what it sends over the density."""
     width, height = tables.counts[SKY_WIDTH], tables.counts[SKY_HEIGHT]
     size = width * height
@@ -101,7 +102,7 @@ def sky_sample(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
 
 
 @vectorised
-def sky_found(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
+def sky_found(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """Radiance of the picture for lanes that meet nothing, weighed against sampling it; one by one."""
     n = listed(I, KIND, MISS)
     width, height = tables.counts[SKY_WIDTH], tables.counts[SKY_HEIGHT]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.fresnel_of import glass_blocks, glass_reflectance, metal_block
 from reflectance_fit.render.kernels.lanes import (
@@ -34,19 +32,19 @@ from reflectance_fit.render.kernels.lanes import (
     QZ,
     SHAPE_IDS,
     SQUEEZE,
+    Floats,
     Has,
     Tables,
+    Words,
 )
 from reflectance_fit.render.kernels.local import plane_of
 from reflectance_fit.render.kernels.queue import CHUNK, listed, put_back, weigh
 from reflectance_fit.render.kernels.random import draw
 from reflectance_fit.render.lobes.select import like, sel
 
-u32 = np.uint32
-
 
 @vectorised
-def smooth_glass(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) -> None:
+def smooth_glass(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables) -> None:
     """Reflection with the probability of the channels' mean reflectance, else refraction."""
     n = listed(I, KIND, GLASS)
     zero, one, two = like(0.0, F[0]), like(1.0, F[0]), like(2.0, F[0])
@@ -108,7 +106,7 @@ def smooth_glass(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: 
 
 
 @vectorised
-def smooth_metal(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) -> None:
+def smooth_metal(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables) -> None:
     """Reflection, on either side."""
     n = listed(I, KIND, MIRROR)
     zero, one, two = like(0.0, F[0]), like(1.0, F[0]), like(2.0, F[0])

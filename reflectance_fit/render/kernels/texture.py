@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     EDGE_U,
@@ -20,17 +18,19 @@ from reflectance_fit.render.kernels.lanes import (
     PZ,
     SHAPE,
     SHAPE_IDS,
+    Floats,
     Has,
     Tables,
+    Words,
+    i32,
+    u32,
 )
 from reflectance_fit.render.kernels.values import primaries, value
 from reflectance_fit.render.lobes.select import like, sel
 
-u32 = np.uint32
-
 
 @vectorised
-def paint(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
+def paint(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """PAINT: reflectance of the diffuse surface that is met, of its curve or of the pixel there."""
     shapes, shape_ids = tables.shapes, tables.shape_ids
     zero, half, one = like(0.0, F[0]), like(0.5, F[0]), like(1.0, F[0])
@@ -54,10 +54,10 @@ def paint(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
         a, b = g + EDGE_U, g + EDGE_V
         u = x * shapes[a] + y * shapes[a + 1] + z * shapes[a + 2]
         v = x * shapes[b] + y * shapes[b + 1] + z * shapes[b + 2]
-        across = min(max((u + one) * half, zero), one) * like(np.int32(width), one)
-        down = min(max((one - v) * half, zero), one) * like(np.int32(height), one)
-        column = u32(min(np.int32(across), np.int32(width) - np.int32(1)))
-        line = u32(min(np.int32(down), np.int32(height) - np.int32(1)))
+        across = min(max((u + one) * half, zero), one) * like(i32(width), one)
+        down = min(max((one - v) * half, zero), one) * like(i32(height), one)
+        column = u32(min(i32(across), i32(width) - i32(1)))
+        line = u32(min(i32(down), i32(height) - i32(1)))
         pixel = sel(painted, u32(first + u32(u32(line * width) + column)), u32(0))
         for c in range(len(has.channels)):
             plain = value(has, F, tables.curves, colour, c, j)
