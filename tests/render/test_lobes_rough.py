@@ -1,10 +1,14 @@
 """The rough interface: its samplers draw what they say, nothing gains energy, and it polarizes as its facets do."""
 
+import platform
+import re
+
 import numpy as np
 import pytest
 import render_lobes
+from numba import njit
 from render_chi2 import Sampler, examine, integrate, significance
-from render_lanes import over_lanes
+from render_lanes import FLAGS, over_lanes
 from render_matrices import KINDS, least_eigenvalue, matrix, perpendicular, random_matrices, unit
 from render_samplers import reflection, towards, transmission, view, visible_normals
 
@@ -41,8 +45,8 @@ def test_masking_is_smiths():
         return (np.sqrt(1 + alpha**2 * (1 / z**2 - 1)) - 1) / 2
 
     assert over_lanes(ggx.g1, alpha, z) == pytest.approx(1 / (1 + smith(z)), rel=1e-12)
-    expected = 1 / (1 + smith(z) + smith(other))
-    assert over_lanes(ggx.g2, alpha, z, other) == pytest.approx(expected, rel=1e-12)
+    share = (1 + smith(z)) / (1 + smith(z) + smith(other))
+    assert over_lanes(ggx.reflection_weight, alpha, z, other) == pytest.approx(share, rel=1e-12)
 
 
 SOME = (
@@ -302,3 +306,28 @@ def test_the_eigenvalue_test_sees_an_impossible_matrix():
     assert least_eigenvalue(over)[0] < -1e-3
     assert least_eigenvalue(conjugated)[0] < -0.1
     assert least_eigenvalue(mueller.polarizer(0.3, 0.9)[None])[0] >= -1e-15
+
+
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="reads x86 assembly")
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_a_loop_over_lanes_is_vector_code(dtype):
+    @njit(error_model="numpy", fastmath=FLAGS)
+    def run(f):
+        for j in range(128):
+            a, x, y, z, u, v = f[j], f[128 + j], f[256 + j], f[384 + j], f[512 + j], f[640 + j]
+            hx, hy, hz = ggx.sample_visible(a, x, y, z, u, v)
+            lx, ly, lz, c = ggx.mirrored(x, y, z, hx, hy, hz)
+            d = ggx.ndf(a, hx, hy, hz)
+            tx, ty, tz = ggx.refracted(x, y, z, hx, hy, hz, u, v)
+            gx, gy, gz, near, far, length = ggx.refraction_half(x, y, z, tx, ty, tz, u)
+            f[768 + j] = ggx.reflection_value(a, z, lz, d) + ggx.reflection_pdf(a, z, d) + lx + ly
+            f[896 + j] = ggx.reflection_weight(a, z, lz) + ggx.transmission_weight(a, tz, u) + c
+            f[1024 + j] = ggx.transmission_value(a, z, tz, near, far, length, d) + gx + gy + gz
+            f[1152 + j] = ggx.transmission_pdf(a, z, near, far, length, u, d)
+
+    run(np.full(1280, 0.5, dtype))
+    assembly = "".join(run.inspect_asm().values())
+    letter, wrong = ("s", "d") if dtype == np.float32 else ("d", "s")
+    assert len(re.findall(rf"\tv?(?:mul|div|sqrt|fn?m\w+)p{letter}\b", assembly)) > 50
+    assert not re.findall(rf"\tv?(?:mul|div|sqrt|fn?m\w+)[ps]{wrong}\b", assembly)
+    assert not re.findall(rf"\tv?(?:mul|div|sqrt|fn?m\w+)s{letter}\b", assembly)
