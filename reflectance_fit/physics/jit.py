@@ -104,7 +104,7 @@ class _ApartCompiler(Compiler):
 
     def define_pipelines(self) -> list[Any]:
         self.state.flags.noalias = True
-        return cast(list[Any], super().define_pipelines())
+        return cast(list[Any], super().define_pipelines())  # type: ignore[no-untyped-call]
 
 
 class _PartCompiler(_ApartCompiler):
@@ -116,7 +116,8 @@ class _PartCompiler(_ApartCompiler):
 
     def compile_extra(self, func: Any) -> Any:
         # numba knows a function by its way in from Python; any builtin that is its own will do.
-        found = super().compile_extra(func)._replace(entry_point=[].append)
+        found = super().compile_extra(func)  # type: ignore[no-untyped-call]
+        found = found._replace(entry_point=[].append)
         found.target_context.insert_user_function(found.entry_point, found.fndesc, [found.library])
         return found
 

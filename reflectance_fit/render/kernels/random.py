@@ -5,15 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, cast
 
-import numpy as np
 from numba import types
 from numba.extending import intrinsic
 
 from reflectance_fit.physics.jit import vectorised
+from reflectance_fit.render.kernels.lanes import (
+    DEPTH,
+    DRAWS,
+    KEY,
+    SAMPLE,
+    Has,
+    Words,
+    i32,
+    u32,
+)
 from reflectance_fit.render.lobes.select import like
-
-u32 = np.uint32
-i32 = np.int32
 
 
 def _reversed_bits(typing_context: Any, value: Any) -> Any:
@@ -94,3 +100,10 @@ def pair(sobol: tuple[int, ...], key: int, sample: int, dimension: int, number: 
         return unit(first, number), unit(reversed_bits(_scrambled(_second(index), third)), number)
     first = mix(u32(seed ^ sample))
     return unit(first, number), unit(mix(u32(first + u32(seed * u32(5)))), number)
+
+
+@vectorised
+def draw(has: Has, I: Words, j: int, number: int, one: float) -> tuple[float, float]:
+    """Pair ``number`` below DRAWS of the ray that lane j follows."""
+    dimension = u32(u32(I[DEPTH + j] * u32(DRAWS)) + u32(number))
+    return pair(has.sobol, I[KEY + j], I[SAMPLE + j], dimension, one)
