@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from render_translation import translated
 
+from reflectance_fit.render import colour
 from reflectance_fit.render.scene import Camera, Scene
 from reflectance_fit.render.settings import Mode
 
@@ -31,6 +32,8 @@ VARIANTS = {
     "spectral_polarized": "llvm_ad_spectral_polarized",
 }
 LIBRARY = "DRJIT_LIBLLVM_PATH"
+# What its film takes for the integral of the luminous efficiency; of the table that it holds, as of ours, it is 106.857.
+_OF_ONE = 106.7502593994140625
 
 
 def library() -> str | None:
@@ -84,14 +87,28 @@ def _renders(scene: Scene, mode: Mode, samples: int, seeds: range) -> Floats:
     theirs = mitsuba.load_dict(translated(scene, mode))
     channels = 1 if mode in ("scalar", "polarized") else 3
     found = []
+    turn = _to_our_rgb() if "spectral" in mode else np.eye(channels)
     for seed in seeds:
         picture = np.array(mitsuba.render(theirs, seed=seed, spp=samples), dtype=np.float64)
         if "polarized" in mode:
             stokes = picture[..., -12:].reshape(*picture.shape[:2], 4, 3)
-            found.append(_our_frame(scene.camera, np.swapaxes(stokes, -1, -2)[..., :channels, :]))
+            seen = _our_frame(scene.camera, np.swapaxes(stokes, -1, -2)[..., :channels, :])
         else:
-            found.append(picture[..., :channels, None])
+            seen = picture[..., :channels, None]
+        found.append(np.einsum("dc,hwcs->hwds", turn, seen))
     return np.array(found)
+
+
+def _to_our_rgb() -> Floats:
+    """From its linear sRGB to ours, shape (3, 3): the same matching functions, scaled and turned by other constants."""
+    import mitsuba
+
+    xyz = mitsuba.cie1931_xyz(mitsuba.Float(colour.GRID_NM.astype(np.float32)))
+    theirs = np.array(mitsuba.xyz_to_srgb(mitsuba.Color3f(xyz)), dtype=np.float64) / _OF_ONE
+    turn, residual, *_ = np.linalg.lstsq(theirs.T, colour.observer().rgb.T)
+    if np.any(residual > 1e-9 * np.sum(theirs**2)):
+        raise ValueError("Mitsuba's matching functions are not the CIE 1931 observer's")
+    return np.asarray(turn.T)
 
 
 def _our_frame(camera: Camera, stokes: Floats) -> Floats:

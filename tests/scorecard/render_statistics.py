@@ -56,12 +56,13 @@ def _picture(scene: Scene, samples: int, seed: int) -> Floats:
 
 def agreement(*, full: bool) -> Iterator[Figure | Table]:
     """Ours against Mitsuba's, by Welch's test on tiles (Jung et al., JCGT 9 (2020) no. 2)."""
-    found, samples = [], 2048 if full else 512
+    found, base = [], 2048 if full else 512
     jobs = [(case.name, case.scene, mode) for case in PEERS for mode in case.modes]
     target = f"{SIGMAS:.0f} sigma of {PRECISION:.1%}"
-    for number, (_, scene, mode) in enumerate(jobs):
+    for number, (name, scene, mode) in enumerate(jobs):
         scene = replace(scene, camera=replace(scene.camera, size_px=SIZE))
         seeds = range(GROUPS * number, GROUPS * (number + 1))
+        samples = base * (8 if name == "point and sun" else 1)  # of which rough metal under a sun is noisy
         theirs = renders(scene, mode, samples, seeds)
         if isinstance(theirs, str):
             yield Figure.not_run("agreement with Mitsuba", target, theirs)
@@ -86,7 +87,7 @@ def agreement(*, full: bool) -> Iterator[Figure | Table]:
             mode,
             f"{f.pull:+.2f}",
             f"{f.width:.3%}",
-            f"{stats.kstest(f.p_values, 'uniform').pvalue:.3f}",
+            f"{stats.kstest(f.p_values, 'uniform').pvalue:.3f}" if f.p_values.size else "no noise",
             f"{f.smallest:.2g}",
         )
         for (name, _, mode), f in zip(jobs, found, strict=True)
@@ -122,8 +123,9 @@ class Comparison(NamedTuple):
 def compared(ours: Floats, theirs: Floats) -> Comparison:
     """Two sets of independent pictures, shape (groups, height, width, C, S)."""
     level = float(theirs[..., 0].mean())
-    means = [x[..., 0].mean(axis=(1, 2, 3)) for x in (ours, theirs)]
-    width = float(np.sqrt(sum(x.var(ddof=1) / len(x) for x in means)))
+    powers = [x[..., 0].mean(axis=3) for x in (ours, theirs)]
+    # Pixels are independent of one another, so that their variances add up to a well known one.
+    width = float(np.sqrt(sum(x.var(axis=0, ddof=1).sum() / len(x) for x in powers))) / powers[0][0].size
     tiles = [_tiles(x) for x in (ours, theirs)]
     spread = [x.var(axis=0, ddof=1) / len(x) for x in tiles]
     error = np.sqrt(spread[0] + spread[1])
@@ -137,7 +139,7 @@ def compared(ours: Floats, theirs: Floats) -> Comparison:
     # Channels and Stokes components of one tile come from the same paths: only the first is a fair sample of uniformity.
     first = p[:, 0, 0][noisy[:, 0, 0]]
     return Comparison(
-        float(np.subtract(*(x.mean() for x in means)) / width),
+        float(np.subtract(*(x.mean() for x in powers)) / width),
         width / level,
         first,
         float(p.min() / sidak(p.size)),
