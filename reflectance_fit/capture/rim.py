@@ -23,7 +23,7 @@ FloatArray = NDArray[np.float64]
 
 INSIDE, OUTSIDE = 12.0, 8.0
 """Pixels to either side of where the outline is thought to be."""
-SEARCH = 3.0
+SEARCH = 4.0
 """How far from there it may be, pixels."""
 _STEP, _BIN, _FINE = 0.1, 0.25, 0.02
 PLACES = np.arange(-INSIDE + _BIN / 2, OUTSIDE, _BIN)
