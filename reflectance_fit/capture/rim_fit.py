@@ -38,7 +38,7 @@ _HARMONICS = 3  # an outline in perspective is an ellipse: shift and stretch
 _LEAST_GAIN = 25.0  # by how many variances an edge must explain more than a smooth curve does
 _LEAST_SHARE = 0.5  # of the sectors
 # By how much chi2 of a profile must fall for a step at the rim, on average.  A ball in an even surround, where there is
-# none, comes to 2, behind a very sharp lens to 6, with a loss of 0.03 px there; one before a ground brighter by a third to 8.
+# none, comes to 2, behind a very sharp lens to 6, at a cost of 0.04 px; one before a ground brighter by a third to 8.
 _STEP_SEEN = 4.0
 _LEAST_OFF = 0.4  # pixels, that an edge lies from the others' curve without being another edge
 
