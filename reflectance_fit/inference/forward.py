@@ -43,17 +43,20 @@ Optics = tuple[
 @shared
 def turns_of(p: FloatArray) -> Turns:
     """The trigonometry of a vector, once for all rows."""
-    offset, analyzer = math.radians(p[OFFSET]), 2 * math.radians(p[ANALYZER])
-    azimuth = 2 * math.radians(p[AZIMUTH])
+    cos_azimuth, sin_azimuth = _cos_sin(2 * math.radians(p[AZIMUTH]))
     return (
-        math.cos(offset),
-        math.sin(offset),
-        math.cos(analyzer),
-        math.sin(analyzer),
-        p[SOURCE] * math.cos(azimuth),
-        p[SOURCE] * math.sin(azimuth),
+        *_cos_sin(math.radians(p[OFFSET])),
+        *_cos_sin(2 * math.radians(p[ANALYZER])),
+        p[SOURCE] * cos_azimuth,
+        p[SOURCE] * sin_azimuth,
         p[DIATTENUATION],
     )
+
+
+@shared
+def _cos_sin(angle: float) -> tuple[float, float]:
+    # Most vectors have most of their angles at 0.
+    return (1.0, 0.0) if angle == 0.0 else (math.cos(angle), math.sin(angle))
 
 
 @shared
