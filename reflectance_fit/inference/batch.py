@@ -31,7 +31,7 @@ from reflectance_fit.inference.forward import (
     turns_of,
 )
 from reflectance_fit.inference.models import Model
-from reflectance_fit.inference.rows import DOLP, LAST_POWER, RATIO, REFLECTANCE, REFLECTANCE_S, SIGNAL, Rows
+from reflectance_fit.inference.rows import DOLP, LAST_POWER, RATIO, Rows
 from reflectance_fit.physics.jit import kernel, shared
 from reflectance_fit.physics.kernels import interface
 
@@ -157,7 +157,13 @@ def blocks(rows: Rows, vectors: FloatArray) -> FloatArray:
     """``likelihood.log_likelihoods`` for rows that it `serves`."""
     n, estimated = len(rows.value), vectors.shape[1] - FIRST_SIGMA
     # Taken out of their tuple once: in a loop each time costs two atomic counts.
-    codes, gain_of, estimated_of, value, largest = rows.code, rows.gain, rows.estimated, rows.value, rows.largest
+    codes, gain_of, estimated_of, value, largest = (
+        rows.code,
+        rows.gain,
+        rows.estimated,
+        rows.value,
+        rows.largest,
+    )
     sigma, cos, sin, cos_spread, sin_spread = (
         rows.sigma,
         rows.cos_theta,

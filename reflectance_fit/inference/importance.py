@@ -134,7 +134,8 @@ class _Batch:
         # How many of the places u, u + 1, ... lie below the end of each draw's share.
         below = np.ceil(count * np.cumsum(self.by_chain, axis=1) - generator.random((CHAINS, 1)))
         below[:, -1] = count
-        times = np.diff(np.clip(below, 0, count).astype(np.int64), prepend=0, axis=1)
+        times = np.clip(below, 0, count).astype(np.int64)
+        times[:, 1:] = times[:, 1:] - times[:, :-1]
         picks = np.repeat(np.arange(times.size), times.ravel()).reshape(CHAINS, count)
         generator.permuted(picks, axis=1, out=picks)
         return self.x.take(picks, axis=0), self.log_density.take(picks)
