@@ -136,7 +136,7 @@ def _choice(scene: Scene, wish: Wish, progress: Report | None) -> Choice:
     polarized = True if wish.analyzers_deg else False if approximate else None
 
     def pilot(small: Scene, settings: Settings) -> Film:
-        told = _told(f"choosing the mode: {settings.mode} in small", replace(wish, error=None), progress)
+        told = _told(f"trial: {settings.mode}", replace(wish, error=None), progress)
         return render(small, replace(settings, precision=wish.precision), told)
 
     return choose(scene, pilot, polarized=polarized)
@@ -158,8 +158,8 @@ def _told(what: str, wish: Wish, progress: Report | None) -> Callable[[Progress]
     """Progress in samples a pixel, of as many as the target of error will take."""
     if progress is None:
         return None
-    # Nothing is heard from a render before its code is there.
-    waiting = "loading the transport (the first of a kind is compiled, for about 20 s)"
+    # Nothing is heard from a render before its code is there: 20 s, where a scene is the first of its kind.
+    waiting = "loading, or compiling once"
     progress(waiting, 0, 1)
 
     def told(now: Progress) -> None:
