@@ -43,7 +43,11 @@ HOMES = {
     "OpenEXR": "reflectance_fit.render",
     "rawpy": "reflectance_fit.capture.raw",
     "colour": "reflectance_fit.render.colour",
-    "cv2": ("reflectance_fit.capture", "reflectance_fit.data_synthetic.target"),
+    "cv2": (
+        "reflectance_fit.capture",
+        "reflectance_fit.data_synthetic.target",
+        "reflectance_fit.render.pictures",
+    ),
 }
 
 
