@@ -9,7 +9,7 @@ import click
 
 from .options import ErrorHandlingGroup, output_options
 
-VERBS = ("demo", "synth", "ingest", "fit", "plan", "board", "schlick", "materials", "schema")
+VERBS = ("demo", "synth", "ingest", "fit", "plan", "board", "schlick", "render", "materials", "schema")
 
 
 class LazyGroup(ErrorHandlingGroup):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -144,6 +145,19 @@ def is_quiet() -> bool:
     """Whether ``-q`` was given to the command that runs."""
     ctx = click.get_current_context(silent=True)
     return ctx is not None and bool(ctx.meta.get(_key("quiet")))
+
+
+def degrees(_ctx: click.Context, _param: click.Parameter, value: str | None) -> tuple[float, ...]:
+    """Of an option, as its callback: a list of angles, nothing for nothing."""
+    if value is None:
+        return ()
+    try:
+        angles = tuple(float(part) for part in value.split(","))
+    except ValueError:
+        angles = (math.nan,)
+    if not all(math.isfinite(angle) for angle in angles):
+        raise click.BadParameter(f"'{value}' is not a list of degrees such as 30,45,60")
+    return angles
 
 
 seed_option = click.option(

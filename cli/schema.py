@@ -8,7 +8,9 @@ from .options import output_options
 
 
 @click.command()
-@click.argument("name", type=click.Choice(["capture", "measurement", "observations", "report", "truth"]))
+@click.argument(
+    "name", type=click.Choice(["capture", "measurement", "observations", "report", "scene", "truth"])
+)
 @output_options
 def schema(name: str) -> None:
     """Print the schema of a file format, for editors and validators.

@@ -2,25 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import click
 
-from .options import is_quiet, output_options, seed_option
-
-
-def _degrees(_ctx: click.Context, _param: click.Parameter, value: str | None) -> tuple[float, ...]:
-    """A list of angles; nothing for nothing."""
-    if value is None:
-        return ()
-    try:
-        angles = tuple(float(part) for part in value.split(","))
-    except ValueError:
-        angles = (math.nan,)
-    if not all(math.isfinite(angle) for angle in angles):
-        raise click.BadParameter(f"'{value}' is not a list of degrees such as 30,45,60")
-    return angles
+from .options import degrees, is_quiet, output_options, seed_option
 
 
 @click.command()
@@ -34,11 +20,11 @@ def _degrees(_ctx: click.Context, _param: click.Parameter, value: str | None) ->
     help="Of the sample; board: flat, in a printed board that shows its tilt.",
 )
 @click.option(
-    "--angles", callback=_degrees, metavar="DEG,...", help="Angles of incidence.  [default: by material]"
+    "--angles", callback=degrees, metavar="DEG,...", help="Angles of incidence.  [default: by material]"
 )
 @click.option(
     "--analyzer",
-    callback=_degrees,
+    callback=degrees,
     metavar="DEG,...",
     help="Transmission axes of the analyzer.  [default: 0,45,90,135]",
 )

@@ -2,7 +2,7 @@
 
 A page is one test, because its blocks build on one another.  What a block may be:
 
-* ``bash`` and ``python``: run; a failing command or an exception fails the page
+* ``bash`` and ``python``: run; a failing command or an exception fails the page; ``$DOCS`` is this folder
 * ``text``: what the block before it printed.  Words must agree, and numbers to 5 units of their last place
 * any block below ``<!-- file: PATH -->``: is saved as PATH
 * any block below ``<!-- from: PATH -->``: its lines stand in PATH, in this order, numbers to a tenth
@@ -42,7 +42,7 @@ def run_shell(example: Example) -> str | None:
     search = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     done = subprocess.run(
         ["bash", "-e", "-u", "-o", "pipefail", "-c", str(example.parsed)],
-        env={**os.environ, "PATH": search, "NO_COLOR": "1"},
+        env={**os.environ, "PATH": search, "NO_COLOR": "1", "DOCS": str(ROOT / "docs")},
         capture_output=True,
         text=True,
         timeout=SECONDS,

@@ -232,7 +232,10 @@ def _problem(document: Document, model: type[BaseModel], item: Any) -> Problem:
         path = (*path, steps[-1])
     where = ".".join(str(step) for step in path)
     if kind == "extra_forbidden":
-        message = f"unknown key '{path[-1]}'{suggestion(str(path[-1]), _known_keys(model, path[:-1]))}"
+        known = _known_keys(model, path[:-1])
+        message = f"unknown key '{path[-1]}'{suggestion(str(path[-1]), known)}"
+        if path[-1] in known:  # of another kind of block
+            message = f"'{path[-1]}' does not go with the keys beside it; remove it"
         parent = ".".join(str(step) for step in path[:-1])
         return document.problem(path, f"{parent}: {message}" if parent else message)
     if kind == "missing":

@@ -32,6 +32,7 @@ from reflectance_fit.measurement.read import read_measurement
 from reflectance_fit.observations import Flag, Observations
 from reflectance_fit.observations_columns import observations_schema
 from reflectance_fit.observations_file import read_observations
+from reflectance_fit.render.scene_blocks import SceneBlock
 from reflectance_fit.report.build import build_report
 from reflectance_fit.report.netcdf import write_posterior
 from reflectance_fit.report.schema import Report
@@ -284,6 +285,7 @@ def json_schema(name: str) -> dict[str, Any]:
         "capture": CaptureManifest,
         "measurement": Manifest,
         "report": Report,
+        "scene": SceneBlock,
         "truth": Truth,
     }
     return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | models[name].model_json_schema()

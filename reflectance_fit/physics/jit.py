@@ -18,6 +18,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba import njit
+from numba.core.compiler import Compiler
 from numba.extending import register_jitable
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -55,6 +56,8 @@ def _compile(
     *,
     forceinline: bool = False,
     parallel: bool = False,
+    cache: bool = True,
+    **options: Any,
 ) -> Function:
     # numba reads the folder when it decorates; other libraries' kernels keep theirs.
     before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
@@ -62,11 +65,12 @@ def _compile(
     try:
         # numba's type hints do not know all of its options.
         compiled: Any = cast(Any, njit)(
-            cache=_FOLDER is not None,
+            cache=cache and _FOLDER is not None,
             error_model="numpy",
             forceinline=forceinline,
             parallel=parallel,
             no_cfunc_wrapper=True,
+            **options,
         )(function)
         return cast(Function, compiled)
     finally:
@@ -89,6 +93,54 @@ def threaded(function: Function) -> Function:
 def inlined(function: Function) -> Function:
     """As ``kernel``, for small helpers: inlined, because a tuple of arrays is costly to hand over."""
     return _compile(function, forceinline=True)
+
+
+# Regrouped and fused sums and products; NaN and infinity stay what they are.
+_FAST = {"contract", "nsz", "arcp", "reassoc"}
+
+
+class _ApartCompiler(Compiler):
+    """Tells LLVM that no two arrays of a call overlap, without which it cannot gather from a table in a loop that stores."""
+
+    def define_pipelines(self) -> list[Any]:
+        self.state.flags.noalias = True
+        return cast(list[Any], super().define_pipelines())
+
+
+class _PartCompiler(_ApartCompiler):
+    """Leaves out machine code, whose making changes the loops that callers inline."""
+
+    def define_pipelines(self) -> list[Any]:
+        self.state.flags.no_compile = True
+        return super().define_pipelines()
+
+    def compile_extra(self, func: Any) -> Any:
+        # numba knows a function by its way in from Python; any object of the right type that is its own does.
+        found = super().compile_extra(func)._replace(entry_point=[].append)
+        found.target_context.insert_user_function(found.entry_point, found.fndesc, [found.library])
+        return found
+
+
+def vectorised(function: Function) -> Function:
+    """As ``inlined``, for loops over lanes: sums and products may be regrouped and fused, NaN and infinity stay."""
+    return _compile(function, forceinline=True, fastmath=_FAST)
+
+
+def tracer(function: Function) -> Function:
+    """The kernel around ``vectorised`` functions: its arrays must not overlap; other threads run beside it."""
+    return _compile(function, fastmath=_FAST, nogil=True, pipeline_class=_ApartCompiler)
+
+
+def stage(function: Function) -> Function:
+    """A part of a ``tracer``, with loops over lanes; called from kernels only."""
+    return _compile(
+        function,
+        cache=False,
+        no_cpython_wrapper=True,
+        forceinline=True,
+        fastmath=_FAST,
+        pipeline_class=_PartCompiler,
+    )
 
 
 def shared(function: Function) -> Function:

@@ -27,3 +27,4 @@ class Film:
     mean: Floats
     error: Floats
     samples: int
+    discarded: int = 0

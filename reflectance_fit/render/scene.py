@@ -24,8 +24,9 @@ class Spectrum:
     Parameters
     ----------
     values : float, shape (1,), (3,) or (N,)
-        One number for every wavelength; three without ``wavelength_nm``: linear
-        sRGB; else the value at each of ``wavelength_nm``, linear in between.
+        One number for every wavelength, of a light: white, D65; three without
+        ``wavelength_nm``: linear sRGB, of an index: at the camera's channels; else
+        the value at each of ``wavelength_nm``, linear in between, held beyond the ends.
     wavelength_nm : float, shape (N,), or None
         Increasing, vacuum.
     """

@@ -22,7 +22,8 @@ LAYERS = (
     | {"files", "inputs", "manifests", "measured", "nuisances", "observations_columns", "observations_file"}
     | {"views", "yaml_edit"},
     {"measurement", "capture", "inference", "report", "plot", "data_synthetic", "render"},
-    {"workflow", "workflow_schlick", "workflow_plan", "workflow_board", "workflow_ingest", "planning"},
+    {"workflow", "workflow_schlick", "workflow_plan", "workflow_board", "workflow_ingest", "planning"}
+    | {"workflow_render"},
     {"demonstration"},
     {"cli"},
 )
@@ -39,8 +40,14 @@ HOMES = {
     "rich": "reflectance_fit.cli",
     "h5netcdf": ("reflectance_fit.report.netcdf", "reflectance_fit.observations_file"),
     "ruamel": ("reflectance_fit.strict_yaml", "reflectance_fit.yaml_edit"),
+    "OpenEXR": "reflectance_fit.render",
     "rawpy": "reflectance_fit.capture.raw",
-    "cv2": ("reflectance_fit.capture", "reflectance_fit.data_synthetic.target"),
+    "colour": "reflectance_fit.render.colour",
+    "cv2": (
+        "reflectance_fit.capture",
+        "reflectance_fit.data_synthetic.target",
+        "reflectance_fit.render.pictures",
+    ),
 }
 
 

@@ -18,7 +18,7 @@ from reflectance_fit.data_synthetic.spec import standard_spec
 from reflectance_fit.data_synthetic.tables import write_example
 
 HEAVY = {"numpy", "scipy", "numba", "emcee", "nlopt", "colour", "matplotlib", "PIL", "h5py", "h5netcdf"} | {
-    "pydantic", "rich", "yaml", "ruamel", "arviz_stats"
+    "pydantic", "rich", "yaml", "ruamel", "arviz_stats", "OpenEXR"
 }  # fmt: skip
 
 
@@ -121,11 +121,17 @@ RUN = [
 
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory):
-    """What the examples name: a table, a small capture and its observations."""
+    """What the examples name: a table, a small capture and its observations, a scene."""
     folder = tmp_path_factory.mktemp("inputs")
     write_example(folder, "Au")
     spec = replace(standard_spec("Au"), sensor=Sensor(width=200, height=160), angles_deg=(60.0, 75.0))
     write_capture(folder, spec)
+    (folder / "scene.yaml").write_text(
+        "schema: reflectance_fit/scene/1\n"
+        "camera: {position: [0, -5, 1], target: [0, 0, 1], size_px: [32, 24]}\n"
+        "surfaces: [{sphere: {center: [0, 0, 1], radius: 1}, material: {type: lambertian, reflectance: 0.5}}]\n"
+        "lights: [{type: environment, radiance: 1}]\n"
+    )
     assert (
         CliRunner().invoke(cli, ["ingest", f"{folder}/capture.yaml", "-o", f"{folder}/obs.nc"]).exit_code == 0
     )
@@ -135,7 +141,7 @@ def inputs(tmp_path_factory):
 @pytest.mark.parametrize("example", RUN, ids=" ".join)
 def test_every_example_runs(example, inputs, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    if example[0] in ("fit", "ingest"):
+    if example[0] in ("fit", "ingest", "render"):
         shutil.copytree(inputs, tmp_path, dirs_exist_ok=True)
     if example[0] == "fit":
         example = [*example, "--no-plots"]
