@@ -100,39 +100,33 @@ _FAST = {"contract", "nsz", "arcp", "reassoc"}
 
 
 class _ApartCompiler(Compiler):
-    """Tells LLVM that no two arrays of a call overlap, without which it cannot gather from a table in a loop that stores."""
+    """Tells LLVM that no two arrays of a call overlap, or it would not gather from a table in a loop that stores."""
 
     def define_pipelines(self) -> list[Any]:
         self.state.flags.noalias = True
-        return cast(list[Any], super().define_pipelines())
+        return cast(list[Any], super().define_pipelines())  # type: ignore[no-untyped-call]
 
 
 class _PartCompiler(_ApartCompiler):
-    """Leaves out machine code, whose making changes the loops that callers inline."""
+    """Makes no machine code: that takes time, and rewrites the loops that callers are to inline and vectorise."""
 
     def define_pipelines(self) -> list[Any]:
         self.state.flags.no_compile = True
         return super().define_pipelines()
 
     def compile_extra(self, func: Any) -> Any:
-        # numba knows a function by its way in from Python; any object of the right type that is its own does.
-        found = super().compile_extra(func)._replace(entry_point=[].append)
+        # numba knows a function by its way in from Python; any builtin that is its own will do.
+        found = super().compile_extra(func)  # type: ignore[no-untyped-call]
+        found = found._replace(entry_point=[].append)
         found.target_context.insert_user_function(found.entry_point, found.fndesc, [found.library])
         return found
 
 
 def vectorised(function: Function) -> Function:
-    """As ``inlined``, for loops over lanes: sums and products may be regrouped and fused, NaN and infinity stay."""
-    return _compile(function, forceinline=True, fastmath=_FAST)
+    """A part of a ``tracer``, of one lane or with loops over lanes; only other compiled functions can call it.
 
-
-def tracer(function: Function) -> Function:
-    """The kernel around ``vectorised`` functions: its arrays must not overlap; other threads run beside it."""
-    return _compile(function, fastmath=_FAST, nogil=True, pipeline_class=_ApartCompiler)
-
-
-def stage(function: Function) -> Function:
-    """A part of a ``tracer``, with loops over lanes; called from kernels only."""
+    Sums and products may be regrouped and fused; NaN and infinity stay.
+    """
     return _compile(
         function,
         cache=False,
@@ -141,6 +135,11 @@ def stage(function: Function) -> Function:
         fastmath=_FAST,
         pipeline_class=_PartCompiler,
     )
+
+
+def tracer(function: Function) -> Function:
+    """A kernel made of ``vectorised`` functions: its arrays must not overlap; other threads run beside it."""
+    return _compile(function, fastmath=_FAST, nogil=True, pipeline_class=_ApartCompiler)
 
 
 def shared(function: Function) -> Function:

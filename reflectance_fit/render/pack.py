@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,7 @@ class Packed:
     """What the kernels need; ``repeat`` is how many channels of the picture one of theirs stands for."""
 
     has: lanes.Has
+    parts: lanes.Parts
     tables: lanes.Tables
     repeat: int
 
@@ -116,6 +118,9 @@ def pack(scene: Scene, settings: Settings) -> Packed:
     def flag(condition: bool) -> tuple[int, ...]:
         return (0,) if condition else ()
 
+    def part(condition: bool) -> int | None:
+        return 1 if condition else None
+
     has = lanes.Has(
         channels=(0,) * channels,
         rows=(0,) * (1 if analyzed else 4) if polarized else (),
@@ -124,19 +129,27 @@ def pack(scene: Scene, settings: Settings) -> Packed:
         lamps=(0,) * min(len(sampled), 2),
         area=flag(any(isinstance(light, AreaLight) for light in sampled)),
         points=flag(any(isinstance(light, PointLight | DirectionalLight) for light in sampled)),
-        image=flag(any(isinstance(light, ImageEnvironment) for light in sampled)),
         polarized=flag(polarized and any(light.polarization.is_polarized for light in scene.lights)),
-        smooth=flag(bool(kinds & {lanes.GLASS, lanes.MIRROR, lanes.ROUGH_GLASS})),
-        rough=flag(bool(kinds & {lanes.ROUGH_MIRROR, lanes.ROUGH_GLASS})),
-        coat=flag(lanes.COAT in kinds),
+        refracting=flag(bool(kinds & {lanes.GLASS, lanes.ROUGH_GLASS})),
         sheets=flag(bool(kinds & {lanes.POLARIZER, lanes.RETARDER})),
         textures=flag(bool(looks.textures)),
         dispersive=flag(looks.dispersive and channels > 1),
         approximate=(0,) * {"exact": 0, "large_index": 2, "lazanyi": 3}.get(settings.fresnel, 1),
     )
+    parts = lanes.Parts(
+        lamps=part(bool(sampled)),
+        image=part(counts[lanes.SKY_WIDTH] > 0),
+        textures=part(bool(looks.textures)),
+        glass=part(lanes.GLASS in kinds),
+        metal=part(lanes.MIRROR in kinds),
+        rough_metal=part(lanes.ROUGH_MIRROR in kinds),
+        rough_glass=part(lanes.ROUGH_GLASS in kinds),
+        coat=part(lanes.COAT in kinds),
+        sheets=part(bool(kinds & {lanes.POLARIZER, lanes.RETARDER})),
+    )
     dtype = np.float32 if settings.precision == "single" else np.float64
 
-    def as_numbers(array: Floats) -> NDArray[np.floating]:
+    def as_numbers(array: Floats) -> NDArray[Any]:
         return np.ascontiguousarray(array, dtype=dtype).ravel()
 
     tables = lanes.Tables(
@@ -153,7 +166,7 @@ def pack(scene: Scene, settings: Settings) -> Packed:
         sky_ids=np.concatenate(sky_ids),
         counts=counts,
     )
-    return Packed(has, tables, repeat)
+    return Packed(has, parts, tables, repeat)
 
 
 def _geometry(shape: Shape, origin: Floats) -> Floats:

@@ -134,7 +134,7 @@ def _trace(
     discarded = trace(
         has, tables, numbers, lanes.integers(), np.zeros(lanes.QUEUE, numbers.dtype), film,
         job.left, job.top, job.width, job.height, job.first, job.groups, size,
-        scene.camera.size_px[0], settings.seed, scene.max_depth,
+        scene.camera.size_px[0], settings.seed, scene.max_depth, *packed.parts,
     )  # fmt: skip
     return film.reshape(job.groups, job.height, job.width, entries) / size, discarded
 

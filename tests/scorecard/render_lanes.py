@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from inspect import signature
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 from numba import njit
@@ -38,8 +38,8 @@ def over_lanes(
 ) -> NDArray[Any]:
     """Results of shape (outputs, lanes), or (lanes,) of a function with one result."""
     lanes = np.stack([x.reshape(-1) for x in np.broadcast_arrays(*arguments)], axis=-1).astype(dtype)
-    one = function(*lanes[0])
-    several = isinstance(one, tuple)
-    out = np.empty((len(lanes), len(one) if several else 1), dtype)
+    outputs = get_args(get_type_hints(function.py_func)["return"])  # type: ignore[attr-defined]
+    several = len(outputs) > 0
+    out = np.empty((len(lanes), len(outputs) if several else 1), dtype)
     _loop(function, several)(out, lanes)
     return out.T if several else out[:, 0]

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     ALONE,
     AX,
@@ -32,33 +30,35 @@ from reflectance_fit.render.kernels.lanes import (
     SHARE,
     SQUEEZE,
     WAVE,
+    Floats,
     Has,
     Tables,
+    Words,
     components,
     gathered,
+    i32,
     row,
     row_count,
+    u32,
 )
 from reflectance_fit.render.kernels.random import pair
 from reflectance_fit.render.lobes.select import like, sel
-
-u32 = np.uint32
 
 # Entries of the camera's array: position, optical axis, what a step across and down the picture (from -1 to 1) adds to
 # position and direction, the picture's right, one over the size, and the four rows.
 AT, AXIS, MOVE_X, MOVE_Y, TURN_X, TURN_Y, RIGHT, STEP, FIRST_ROWS = 0, 3, 6, 9, 12, 15, 18, 21, 23
 
 
-@stage
-def begin(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
+@vectorised
+def begin(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """New rays where DEPTH is 0, which becomes 1."""
     camera = tables.camera
     zero, one, two = like(0.0, F[0]), like(1.0, F[0]), like(2.0, F[0])
     for j in range(LANES):
         new = I[DEPTH + j] == u32(0)
         a, b = pair(has.sobol, I[KEY + j], I[SAMPLE + j], u32(0), one)
-        x = (like(np.int32(I[COLUMN + j]), one) + a) * camera[STEP] * two - one
-        y = one - (like(np.int32(I[LINE + j]), one) + b) * camera[STEP + 1] * two
+        x = (like(i32(I[COLUMN + j]), one) + a) * camera[STEP] * two - one
+        y = one - (like(i32(I[LINE + j]), one) + b) * camera[STEP + 1] * two
         dx = camera[AXIS] + x * camera[TURN_X] + y * camera[TURN_Y]
         dy = camera[AXIS + 1] + x * camera[TURN_X + 1] + y * camera[TURN_Y + 1]
         dz = camera[AXIS + 2] + x * camera[TURN_X + 2] + y * camera[TURN_Y + 2]
@@ -73,7 +73,7 @@ def begin(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
             sel(new, dz, F[DZ + j]),
         )
         F[DENSITY + j] = sel(new, zero, F[DENSITY + j])
-        if len(has.smooth) > 0:
+        if len(has.refracting) > 0:
             F[SQUEEZE + j] = sel(new, one, F[SQUEEZE + j])
         if len(has.sheets) > 0:
             F[BEYOND + j] = sel(new, zero, F[BEYOND + j])
@@ -92,8 +92,8 @@ def begin(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
             for c in range(len(has.channels)):
                 u = hero + like(0.25 * c, one)
                 u = sel(u >= one, u - one, u) * cells
-                cell = np.int32(u)
-                low, high = tables.spectra[u32(cell)], tables.spectra[u32(cell + np.int32(1))]
+                cell = i32(u)
+                low, high = tables.spectra[cell], tables.spectra[cell + 1]
                 k = c * LANES + j
                 F[WAVE + k] = sel(new, low + (u - like(cell, one)) * (high - low), F[WAVE + k])
                 # One over the density, and over the number of wavelengths.

@@ -7,20 +7,16 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.fresnel_of import glass_blocks, glass_reflectance
 from reflectance_fit.render.kernels.lanes import (
     ALONE,
     ALPHA,
     COAT,
-    DEPTH,
-    DRAWS,
     EMIT,
-    KEY,
     KIND,
     LANES,
+    LAST,
     LIST,
     LIT,
     LX,
@@ -29,6 +25,7 @@ from reflectance_fit.render.kernels.lanes import (
     M0,
     M1,
     MET,
+    MOST,
     OF_COLOUR,
     Q_ALONE,
     Q_DENSITY,
@@ -41,13 +38,14 @@ from reflectance_fit.render.kernels.lanes import (
     QX,
     QY,
     QZ,
-    SAMPLE,
     SEEN,
     SHAPE,
     SHAPE_IDS,
     SQUEEZE,
+    Floats,
     Has,
     Tables,
+    Words,
     components,
     row,
     row_count,
@@ -63,7 +61,7 @@ from reflectance_fit.render.kernels.local import (
 )
 from reflectance_fit.render.kernels.polarization import sampled_state
 from reflectance_fit.render.kernels.queue import CHUNK, listed, put_back, take_light
-from reflectance_fit.render.kernels.random import pair
+from reflectance_fit.render.kernels.random import draw
 from reflectance_fit.render.kernels.values import power_heuristic, value
 from reflectance_fit.render.lobes import ggx
 from reflectance_fit.render.lobes.diffuse import sample_cosine
@@ -71,33 +69,31 @@ from reflectance_fit.render.lobes.mueller import across, reflect, turn
 from reflectance_fit.render.lobes.plastic import choose_specular
 from reflectance_fit.render.lobes.select import like, sel
 
-u32 = np.uint32
 
-
-@stage
+@vectorised
 def _through_base(
-    has: Has, F: np.ndarray, tables: Tables, shape: int, c: int, j: int, vz: float, lz: float
+    has: Has, F: Floats, tables: Tables, shape: int, c: int, j: int, vz: float, lz: float
 ) -> tuple[float, float, float, float]:
     """Base factor times the block (a_v, b_v) out of the coat, and (a_l, b_l) into it."""
     one = like(1.0, vz)
-    factor = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_COLOUR))], c, j)
+    factor = value(has, F, tables.curves, tables.shape_ids[shape + OF_COLOUR], c, j)
     av, bv, _, _ = glass_blocks(has, F, tables, shape, c, j, min(vz, one), True, False)
     al, bl, _, _ = glass_blocks(has, F, tables, shape, c, j, min(max(lz, like(0.0, vz)), one), True, False)
     return factor * av, factor * bv, al, bl
 
 
-@stage
+@vectorised
 def _light(
-    has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables,
+    has: Has, F: Floats, I: Words, Q: Floats, tables: Tables,
     here: Side, shape: int, alpha: float, specular: float, q: int, j: int,
 ) -> None:  # fmt: skip
     """What the sampled light gives by the base, and by the coat where that is rough."""
     zero, one = like(0.0, alpha), like(1.0, alpha)
-    lx, ly, lz = to_local(here, F[u32(u32(LX) + j)], F[u32(u32(LY) + j)], F[u32(u32(LZ) + j)])
-    lit = F[u32(u32(LIT) + j)]
-    seen = F[u32(u32(SEEN) + j)]
-    if len(has.smooth) > 0:
-        seen = seen * F[u32(u32(SQUEEZE) + j)]
+    lx, ly, lz = to_local(here, F[LX + j], F[LY + j], F[LZ + j])
+    lit = F[LIT + j]
+    seen = F[SEEN + j]
+    if len(has.refracting) > 0:
+        seen = seen * F[SQUEEZE + j]
     # The coat.
     hx, hy, hz, cosine = ggx.half(here.vx, here.vy, here.vz, lx, ly, lz)
     cosine = min(cosine, one)
@@ -122,55 +118,51 @@ def _light(
         into_base(has, F, I, Q, tables, here, c, q, j, weight, av, bv, al, bl, cos, sin)
 
 
-@stage
+@vectorised
 def into_base(
-    has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables, here: Side,
+    has: Has, F: Floats, I: Words, Q: Floats, tables: Tables, here: Side,
     c: int, q: int, j: int, weight: float, av: float, bv: float, al: float, bl: float, cos: float, sin: float,
 ) -> None:  # fmt: skip
     """Adds what a lane's rows have of the sampled light by way of the base."""
     zero = like(0.0, av)
     for r in range(row_count(has)):
-        k = u32(u32(row(has, c, r, 0)) + j)
+        k = row(has, c, r, 0) + j
         seen = F[k] * av * al
         if len(has.rows) > 0:
-            r1, _ = turn(F[u32(k + u32(LANES))], F[u32(k + u32(2 * LANES))], cos, sin)
+            r1, _ = turn(F[k + LANES], F[k + 2 * LANES], cos, sin)
             through = F[k] * av + r1 * bv
-            lx, ly, lz = F[u32(u32(LX) + j)], F[u32(u32(LY) + j)], F[u32(u32(LZ) + j)]
+            lx, ly, lz = F[LX + j], F[LY + j], F[LZ + j]
             sx, sy, sz = across(lx, ly, lz, here.zx, here.zy, here.zz, here.xx, here.xy, here.xz)
             seen = sampled_state(
                 has, F, I, tables.lamps, j, sx, sy, sz, through * al, through * bl, zero, zero
             )
         k = Q_LIGHT + (c * row_count(has) + r) * LANES + q
-        Q[k] = Q[k] + sel(weight > zero, weight * F[u32(u32(EMIT + c * LANES) + j)] * seen, zero)
+        Q[k] = Q[k] + sel(weight > zero, weight * F[EMIT + c * LANES + j] * seen, zero)
 
 
-@stage
-def coat(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) -> None:
+@vectorised
+def coat(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables) -> None:
     """One of the two lobes, by what comes back from each."""
     n = listed(I, KIND, COAT)
     zero, one = like(0.0, F[0]), like(1.0, F[0])
     for block in range(0, n, CHUNK):
         for q in range(block, block + CHUNK):
-            j = I[u32(u32(LIST) + u32(q))]
+            j = I[LIST + q] & LAST
             here = side(F, j)
-            met = I[u32(u32(MET) + j)]
-            shape, body = u32(met * u32(SHAPE_IDS)), u32(met * u32(SHAPE))
-            alpha = tables.shapes[u32(body + u32(ALPHA))]
+            met = I[MET + j] & MOST
+            shape, body = met * SHAPE_IDS, met * SHAPE
+            alpha = tables.shapes[body + ALPHA]
             rough = alpha > zero
             wide = max(alpha, like(1e-3, one))
             power, _, _ = glass_reflectance(
                 has, F, tables, shape, 1 if len(has.channels) == 3 else 0, j, min(here.vz, one), True
             )
-            specular = choose_specular(
-                power, one - power, tables.shapes[u32(body + u32(M0))], tables.shapes[u32(body + u32(M1))]
-            )
+            specular = choose_specular(power, one - power, tables.shapes[body + M0], tables.shapes[body + M1])
             no_light(has, Q, q)
             if len(has.lamps) > 0:
                 _light(has, F, I, Q, tables, here, shape, alpha, specular, q, j)
-            dimension = u32(I[u32(u32(DEPTH) + j)] * u32(DRAWS))
-            key, sample = I[u32(u32(KEY) + j)], I[u32(u32(SAMPLE) + j)]
-            u, v = pair(has.sobol, key, sample, u32(dimension + u32(1)), one)
-            _, choice = pair(has.sobol, key, sample, u32(dimension + u32(2)), one)
+            u, v = draw(has, I, j, 1, one)
+            _, choice = draw(has, I, j, 2, one)
             mirror = choice < specular
             hx, hy, hz = ggx.sample_visible(wide, here.vx, here.vy, here.vz, u, v)
             hx, hy, hz = sel(rough, hx, zero), sel(rough, hy, zero), sel(rough, hz, one)
@@ -182,8 +174,8 @@ def coat(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) 
             lobe = sel(rough, specular * ggx.reflection_pdf(wide, here.vz, d), zero)
             Q[Q_DENSITY + q] = sel(mirror, lobe, (one - specular) * bz * like(1.0 / math.pi, one))
             Q[QX + q], Q[QY + q], Q[QZ + q] = to_world(here, lx, ly, lz)
-            Q[Q_SQUEEZE + q] = F[u32(u32(SQUEEZE) + j)]
-            Q[Q_ALONE + q] = F[u32(u32(ALONE) + j)]
+            Q[Q_SQUEEZE + q] = F[SQUEEZE + j]
+            Q[Q_ALONE + q] = F[ALONE + j]
             weight = sel(
                 mirror,
                 sel(rough, ggx.reflection_weight(wide, here.vz, rz), one) / max(specular, like(1e-18, one)),
@@ -211,13 +203,13 @@ def coat(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) 
                 ra, rb, rc, rd = glass_blocks(has, F, tables, shape, c, j, cosine, True, True)
                 av, bv, al, bl = _through_base(has, F, tables, shape, c, j, here.vz, bz)
                 for r in range(row_count(has)):
-                    f = u32(u32(row(has, c, r, 0)) + j)
+                    f = row(has, c, r, 0) + j
                     k = Q_FACTOR + (c * row_count(has) + r) * components(has) * LANES + q
                     if len(has.rows) == 0:
                         Q[k] = F[f] * weight * sel(mirror, ra, av * al)
                     else:
-                        r1, r2 = turn(F[u32(f + u32(LANES))], F[u32(f + u32(2 * LANES))], cos, sin)
-                        m0, m1, m2, m3 = reflect(F[f], r1, r2, F[u32(f + u32(3 * LANES))], ra, rb, rc, rd)
+                        r1, r2 = turn(F[f + LANES], F[f + 2 * LANES], cos, sin)
+                        m0, m1, m2, m3 = reflect(F[f], r1, r2, F[f + 3 * LANES], ra, rb, rc, rd)
                         through = F[f] * av + r1 * bv
                         Q[k] = weight * sel(mirror, m0, through * al)
                         Q[k + LANES] = weight * sel(mirror, m1, through * bl)

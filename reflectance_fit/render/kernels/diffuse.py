@@ -4,22 +4,17 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     AX,
     AY,
     AZ,
     DENSITY,
-    DEPTH,
     DIFFUSE,
-    DRAWS,
     DX,
     DY,
     DZ,
     EMIT,
-    KEY,
     KIND,
     LANES,
     LIT,
@@ -32,26 +27,26 @@ from reflectance_fit.render.kernels.lanes import (
     NZ,
     OF_COLOUR,
     PAINT,
-    SAMPLE,
     SEEN,
     SHAPE_IDS,
     SQUEEZE,
+    Floats,
     Has,
     Tables,
+    Words,
     components,
     gathered,
     row,
     row_count,
+    u32,
 )
-from reflectance_fit.render.kernels.random import pair
+from reflectance_fit.render.kernels.random import draw
 from reflectance_fit.render.kernels.values import frame, power_heuristic, value
 from reflectance_fit.render.lobes.select import cos_sin_turn, like, sel
 
-u32 = np.uint32
 
-
-@stage
-def diffuse(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
+@vectorised
+def diffuse(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """Light from the sampled light, and a new direction in proportion to its cosine."""
     zero, one = like(0.0, F[0]), like(1.0, F[0])
     over_pi = like(1.0 / math.pi, one)
@@ -61,16 +56,16 @@ def diffuse(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
         front = F[DX + j] * nx + F[DY + j] * ny + F[DZ + j] * nz < zero
         nx, ny, nz = sel(front, nx, -nx), sel(front, ny, -ny), sel(front, nz, -nz)
         shape = u32(sel(here, I[MET + j], u32(0)) * u32(SHAPE_IDS))
-        colour = tables.shape_ids[u32(shape + u32(OF_COLOUR))]
+        colour = tables.shape_ids[shape + OF_COLOUR]
         weight = zero
         if len(has.lamps) > 0:
             cosine = max(F[LX + j] * nx + F[LY + j] * ny + F[LZ + j] * nz, zero) * over_pi
             lit = F[LIT + j]
             weight = sel(lit > zero, power_heuristic(lit, cosine), one) * cosine * F[SEEN + j]
             weight = sel(here, weight, zero)
-            if len(has.smooth) > 0:
+            if len(has.refracting) > 0:
                 weight = weight * F[SQUEEZE + j]
-        a, b = pair(has.sobol, I[KEY + j], I[SAMPLE + j], u32(u32(I[DEPTH + j] * u32(DRAWS)) + u32(1)), one)
+        a, b = draw(has, I, j, 1, one)
         cos, sin = cos_sin_turn(b)
         radius, up = math.sqrt(a), math.sqrt(one - a)
         sx, sy, sz, tx, ty, tz = frame(nx, ny, nz)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     OF_A,
     OF_B,
@@ -12,6 +10,7 @@ from reflectance_fit.render.kernels.lanes import (
     OF_K,
     OF_POWER,
     OF_R0,
+    Floats,
     Has,
     Tables,
 )
@@ -27,34 +26,30 @@ from reflectance_fit.render.lobes.fresnel import (
 )
 from reflectance_fit.render.lobes.select import like, sel
 
-u32 = np.uint32
 
-
-@stage
-def index_of(has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, front: bool) -> float:
+@vectorised
+def index_of(has: Has, F: Floats, tables: Tables, shape: int, channel: int, j: int, front: bool) -> float:
     """Of the far side over the near one."""
-    eta = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_ETA))], channel, j)
+    eta = value(has, F, tables.curves, tables.shape_ids[shape + OF_ETA], channel, j)
     return sel(front, eta, like(1.0, eta) / eta)
 
 
-@stage
-def approximated(
-    has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float
-) -> float:
+@vectorised
+def approximated(has: Has, F: Floats, tables: Tables, shape: int, channel: int, j: int, c: float) -> float:
     """r0 + b (1 - c)^5 - a c (1 - c)^power with the surface's coefficients; the power is 6 but for one form."""
-    r0 = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_R0))], channel, j)
-    b = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_B))], channel, j)
-    a = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_A))], channel, j)
+    r0 = value(has, F, tables.curves, tables.shape_ids[shape + OF_R0], channel, j)
+    b = value(has, F, tables.curves, tables.shape_ids[shape + OF_B], channel, j)
+    a = value(has, F, tables.curves, tables.shape_ids[shape + OF_A], channel, j)
     if len(has.approximate) == 1:
         return approximate(c, r0, b, a)
-    power = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_POWER))], channel, j)
+    power = value(has, F, tables.curves, tables.shape_ids[shape + OF_POWER], channel, j)
     zero = like(0.0, c)
     return approximate(c, r0, b, zero) - a * c * max(like(1.0, c) - c, zero) ** power
 
 
-@stage
+@vectorised
 def glass_reflectance(
-    has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float, front: bool
+    has: Has, F: Floats, tables: Tables, shape: int, channel: int, j: int, c: float, front: bool
 ) -> tuple[float, float, float]:
     """Reflectance, cosine of refraction and relative index at a dielectric, by the Fresnel form in use."""
     one = like(1.0, c)
@@ -72,25 +67,25 @@ def glass_reflectance(
     return power, cos_t, relative
 
 
-@stage
+@vectorised
 def metal_reflectance(
-    has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float
+    has: Has, F: Floats, tables: Tables, shape: int, channel: int, j: int, c: float
 ) -> float:
     """Reflectance of a metal for unpolarized light, by the Fresnel form in use."""
     if len(has.approximate) == 1 or len(has.approximate) == 3:
         return approximated(has, F, tables, shape, channel, j, c)
-    eta = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_ETA))], channel, j)
-    k = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_K))], channel, j)
+    eta = value(has, F, tables.curves, tables.shape_ids[shape + OF_ETA], channel, j)
+    k = value(has, F, tables.curves, tables.shape_ids[shape + OF_K], channel, j)
     if len(has.approximate) == 2:
         return large_index(c, eta, k)
     r_s, r_p = conductor_power(c, eta, k)
     return like(0.5, c) * (r_s + r_p)
 
 
-@stage
+@vectorised
 def glass_blocks(
     has: Has,
-    F: np.ndarray,
+    F: Floats,
     tables: Tables,
     shape: int,
     channel: int,
@@ -110,14 +105,14 @@ def glass_blocks(
     return sel(back, ra, ta), sel(back, rb, tb), sel(back, rc, tc), sel(back, rd, zero)
 
 
-@stage
+@vectorised
 def metal_block(
-    has: Has, F: np.ndarray, tables: Tables, shape: int, channel: int, j: int, c: float
+    has: Has, F: Floats, tables: Tables, shape: int, channel: int, j: int, c: float
 ) -> tuple[float, float, float, float]:
     """Block of reflection; without polarization its first number alone."""
     zero = like(0.0, c)
     if len(has.rows) == 0:
         return metal_reflectance(has, F, tables, shape, channel, j, c), zero, zero, zero
-    eta = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_ETA))], channel, j)
-    k = value(has, F, tables.curves, tables.shape_ids[u32(shape + u32(OF_K))], channel, j)
+    eta = value(has, F, tables.curves, tables.shape_ids[shape + OF_ETA], channel, j)
+    k = value(has, F, tables.curves, tables.shape_ids[shape + OF_K], channel, j)
     return conductor_mueller(c, eta, k)

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     BEYOND,
     CENTER,
@@ -30,6 +30,7 @@ from reflectance_fit.render.kernels.lanes import (
     LZ,
     MET,
     MISS,
+    MOST,
     NORMAL,
     NOTHING,
     NX,
@@ -51,17 +52,16 @@ from reflectance_fit.render.kernels.lanes import (
     SHAPE_IDS,
     STATE,
     TARGET,
+    Floats,
     Has,
     Tables,
+    Words,
+    u32,
 )
 from reflectance_fit.render.lobes.select import like, sel
 
-u32 = np.uint32
-Floats = np.ndarray
-Words = np.ndarray
 
-
-@stage
+@vectorised
 def _to_sphere(
     cx: float, cy: float, cz: float, dx: float, dy: float, dz: float, radius2: float, left: bool, after: float
 ) -> float:
@@ -77,7 +77,7 @@ def _to_sphere(
     return sel((t > after) & (left | (rest > zero)), t, inf)
 
 
-@stage
+@vectorised
 def closest(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """The nearest shape on each ray, MET, and its distance, FAR; NOTHING and infinity where there is none."""
     shapes, counts = tables.shapes, tables.counts
@@ -120,7 +120,7 @@ def closest(has: Has, F: Floats, I: Words, tables: Tables) -> None:
             I[MET + j] = sel(nearer, me, I[MET + j])
 
 
-@stage
+@vectorised
 def shadow(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """SEEN: 1 where nothing but sheets lies between the point met and the sampled light, else 0."""
     shapes, shape_ids, counts = tables.shapes, tables.shape_ids, tables.counts
@@ -163,30 +163,29 @@ def shadow(has: Has, F: Floats, I: Words, tables: Tables) -> None:
             F[SEEN + j] = sel(hidden, zero, F[SEEN + j])
 
 
-@stage
+@vectorised
 def meet(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """The point met, moved onto the shape, its outward normal and KIND, MISS without one."""
     shapes, shape_ids = tables.shapes, tables.shape_ids
     one, zero = like(1.0, F[0]), like(0.0, F[0])
     for j in range(LANES):
-        met = I[MET + j]
-        missed = met == u32(NOTHING)
-        s = sel(missed, u32(0), met)
-        g = u32(s * u32(SHAPE))
-        x, y, z = shapes[u32(g + u32(CENTER))], shapes[u32(g + u32(1))], shapes[u32(g + u32(2))]
-        bend = shapes[u32(g + u32(CURVATURE))]
+        missed = I[MET + j] == u32(NOTHING)
+        s = sel(missed, u32(0), I[MET + j])
+        g = (s & MOST) * SHAPE
+        x, y, z = shapes[g + CENTER], shapes[g + 1], shapes[g + 2]
+        bend = shapes[g + CURVATURE]
         t = sel(missed, zero, F[FAR + j])
         cx, cy, cz = F[OX + j] - x, F[OY + j] - y, F[OZ + j] - z
         px, py, pz = cx + t * F[DX + j], cy + t * F[DY + j], cz + t * F[DZ + j]
-        nx = shapes[u32(g + u32(NORMAL))] + bend * px
-        ny = shapes[u32(g + u32(NORMAL + 1))] + bend * py
-        nz = shapes[u32(g + u32(NORMAL + 2))] + bend * pz
+        nx = shapes[g + NORMAL] + bend * px
+        ny = shapes[g + NORMAL + 1] + bend * py
+        nz = shapes[g + NORMAL + 2] + bend * pz
         length = one / math.sqrt(nx * nx + ny * ny + nz * nz)
         nx, ny, nz = nx * length, ny * length, nz * length
-        off = shapes[u32(g + u32(RADIUS))] - (px * nx + py * ny + pz * nz)
+        off = shapes[g + RADIUS] - (px * nx + py * ny + pz * nz)
         F[NX + j], F[NY + j], F[NZ + j] = nx, ny, nz
         F[PX + j], F[PY + j], F[PZ + j] = x + (px + off * nx), y + (py + off * ny), z + (pz + off * nz)
-        kind = shape_ids[u32(u32(s * u32(SHAPE_IDS)) + u32(OF_KIND))]
+        kind = shape_ids[(s & MOST) * SHAPE_IDS + OF_KIND]
         I[MET + j] = s  # a shape there is, for lanes that are listed without need
         asleep = I[STATE + j] != u32(0)
         I[KIND + j] = sel(asleep, u32(10), sel(missed, u32(MISS), kind))

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     AX,
     AY,
@@ -14,9 +14,7 @@ from reflectance_fit.render.kernels.lanes import (
     BALL,
     CHOSEN,
     DENSITY,
-    DEPTH,
     DIRECTIONAL,
-    DRAWS,
     DX,
     DY,
     DZ,
@@ -24,9 +22,7 @@ from reflectance_fit.render.kernels.lanes import (
     FAR,
     HALF_U,
     HALF_V,
-    IMAGE,
     KEEP,
-    KEY,
     KIND,
     LAMP,
     LAMP_ALIAS,
@@ -42,6 +38,7 @@ from reflectance_fit.render.kernels.lanes import (
     LZ,
     MET,
     MISS,
+    MOST,
     NX,
     NY,
     NZ,
@@ -55,52 +52,51 @@ from reflectance_fit.render.kernels.lanes import (
     PZ,
     REACH,
     ROUND,
-    SAMPLE,
     SAMPLED,
     SHAPE_IDS,
     SIZE,
-    SKY_PRIMARIES,
     SQUEEZE,
     TARGET,
     TURNED,
+    Floats,
     Has,
     Tables,
+    Words,
     gathered,
+    i32,
     row,
     row_count,
+    u32,
 )
 from reflectance_fit.render.kernels.polarization import polarized
-from reflectance_fit.render.kernels.random import pair
-from reflectance_fit.render.kernels.sky import sky_sample
-from reflectance_fit.render.kernels.values import frame, primaries, value
+from reflectance_fit.render.kernels.random import draw
+from reflectance_fit.render.kernels.values import frame, value
 from reflectance_fit.render.lobes.select import cos_sin_turn, like, sel
 
-u32 = np.uint32
 
-
-@stage
+@vectorised
 def cone(sin2: float) -> float:
     """1 - cos of the half angle whose squared sine is given, without cancelling."""
     one = like(1.0, sin2)
     return sin2 / (one + math.sqrt(max(one - sin2, like(0.0, sin2))))
 
 
-@stage
-def choose(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
+@vectorised
+def choose(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """One light for each lane, by an alias table of their powers."""
     one = like(1.0, F[0])
     count = like(tables.counts[SAMPLED], one)
     for j in range(LANES):
-        u, _ = pair(has.sobol, I[KEY + j], I[SAMPLE + j], u32(u32(I[DEPTH + j] * u32(DRAWS)) + u32(2)), one)
+        u, _ = draw(has, I, j, 2, one)
         x = u * count
-        cell = np.int32(x)
-        keep = tables.lamps[u32(u32(u32(cell) * u32(LAMPS)) + u32(KEEP))]
-        other = tables.lamp_ids[u32(u32(u32(cell) * u32(LAMP_IDS)) + u32(LAMP_ALIAS))]
+        cell = i32(x)
+        keep = tables.lamps[cell * LAMPS + KEEP]
+        other = tables.lamp_ids[cell * LAMP_IDS + LAMP_ALIAS]
         I[LIGHT + j] = sel(x - like(cell, one) < keep, u32(cell), other)
 
 
-@stage
-def sample(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
+@vectorised
+def sample(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """A direction towards a light from the point met; its radiance over the density, which is of solid angle."""
     lamps, lamp_ids = tables.lamps, tables.lamp_ids
     zero, one, two, inf = like(0.0, F[0]), like(1.0, F[0]), like(2.0, F[0]), like(np.inf, F[0])
@@ -108,34 +104,34 @@ def sample(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
         choose(has, F, I, tables)
     for j in range(LANES):
         light = I[LIGHT + j] if len(has.lamps) > 1 else u32(0)
-        g, w = u32(light * u32(LAMPS)), u32(light * u32(LAMP_IDS))
+        g, w = light * LAMPS, light * LAMP_IDS
         kind = lamp_ids[w]
-        chosen = lamps[u32(g + u32(CHOSEN))]
-        ax, ay, az = lamps[g], lamps[u32(g + u32(1))], lamps[u32(g + u32(2))]
+        chosen = lamps[g + CHOSEN]
+        ax, ay, az = lamps[g], lamps[g + 1], lamps[g + 2]
         x, y, z = ax - F[PX + j], ay - F[PY + j], az - F[PZ + j]
-        size = lamps[u32(g + u32(SIZE))]
+        size = lamps[g + SIZE]
         reach, lit, strength = one, zero, zero
         lx, ly, lz = x, y, z
         if len(has.area) > 0:
-            a, b = pair(has.sobol, I[KEY + j], I[SAMPLE + j], u32(I[DEPTH + j] * u32(DRAWS)), one)
+            a, b = draw(has, I, j, 0, one)
             cos, sin = cos_sin_turn(b)
             radius = math.sqrt(a)
             round_ = kind == u32(ROUND)
             p, q = sel(round_, radius * cos, two * a - one), sel(round_, radius * sin, two * b - one)
             nx, ny, nz = (
-                lamps[u32(g + u32(TURNED))],
-                lamps[u32(g + u32(TURNED + 1))],
-                lamps[u32(g + u32(TURNED + 2))],
+                lamps[g + TURNED],
+                lamps[g + TURNED + 1],
+                lamps[g + TURNED + 2],
             )
             ux, uy, uz = (
-                lamps[u32(g + u32(HALF_U))],
-                lamps[u32(g + u32(HALF_U + 1))],
-                lamps[u32(g + u32(HALF_U + 2))],
+                lamps[g + HALF_U],
+                lamps[g + HALF_U + 1],
+                lamps[g + HALF_U + 2],
             )
             vx, vy, vz = (
-                lamps[u32(g + u32(HALF_V))],
-                lamps[u32(g + u32(HALF_V + 1))],
-                lamps[u32(g + u32(HALF_V + 2))],
+                lamps[g + HALF_V],
+                lamps[g + HALF_V + 1],
+                lamps[g + HALF_V + 2],
             )
             fx, fy, fz = x + p * ux + q * vx, y + p * uy + q * vy, z + p * uz + q * vz
             far2 = fx * fx + fy * fy + fz * fz
@@ -173,32 +169,22 @@ def sample(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
             reach = sel(point, far2 * over, sel(sun, inf, reach))
             strength = sel(point, over * over, sel(sun, one, strength))
             lit = sel(point | sun, zero, lit)
-        picture, pixel = False, u32(0)
-        if len(has.image) > 0:
-            picture = kind == u32(IMAGE)
-            sx, sy, sz, density, pixel = sky_sample(has, I, tables, j, one)
-            lx, ly, lz = sel(picture, sx, lx), sel(picture, sy, ly), sel(picture, sz, lz)
-            reach, lit = sel(picture, inf, reach), sel(picture, density, lit)
-            strength = sel(picture, sel(density > zero, one / density, zero), strength)
         F[LX + j], F[LY + j], F[LZ + j] = lx, ly, lz
         F[REACH + j], F[LIT + j] = reach, lit * chosen
         strength = strength / chosen
-        curve = lamp_ids[u32(w + u32(LAMP_CURVE))]
+        curve = lamp_ids[w + LAMP_CURVE]
         for c in range(len(has.channels)):
-            shone = value(has, F, tables.curves, curve, c, j)
-            if len(has.image) > 0:
-                shone = sel(picture, primaries(has, F, tables, tables.sky, pixel, SKY_PRIMARIES, c, j), shone)
-            F[EMIT + c * LANES + j] = strength * shone
-        I[TARGET + j] = lamp_ids[u32(w + u32(LAMP_SHAPE))]
+            F[EMIT + c * LANES + j] = strength * value(has, F, tables.curves, curve, c, j)
+        I[TARGET + j] = lamp_ids[w + LAMP_SHAPE]
 
 
-@stage
-def found(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
+@vectorised
+def found(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """Radiance of the surroundings and of lights that rays meet, weighed against sampling them."""
     lamps, lamp_ids = tables.lamps, tables.lamp_ids
     zero, one, pi = like(0.0, F[0]), like(1.0, F[0]), like(math.pi, F[0])
     background = u32(tables.counts[SAMPLED])
-    around = lamp_ids[u32(u32(background * u32(LAMP_IDS)) + u32(LAMP_CURVE))]
+    around = lamp_ids[background * LAMP_IDS + LAMP_CURVE]
     for j in range(LANES):
         missed = I[KIND + j] == u32(MISS)
         weight = sel(missed, one, zero)
@@ -207,16 +193,14 @@ def found(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
             met = I[KIND + j] == u32(LAMP)
             lamp = u32(0)
             if len(has.lamps) > 1:
-                lamp = tables.shape_ids[
-                    u32(u32(sel(met, I[MET + j], u32(0)) * u32(SHAPE_IDS)) + u32(OF_LIGHT))
-                ]
+                lamp = tables.shape_ids[(I[MET + j] & MOST) * SHAPE_IDS + OF_LIGHT]
                 lamp = sel(met, lamp, u32(0))
-            g, w = u32(lamp * u32(LAMPS)), u32(lamp * u32(LAMP_IDS))
-            size, chosen = lamps[u32(g + u32(SIZE))], lamps[u32(g + u32(CHOSEN))]
+            g, w = lamp * LAMPS, lamp * LAMP_IDS
+            size, chosen = lamps[g + SIZE], lamps[g + CHOSEN]
             facing = -(F[DX + j] * F[NX + j] + F[DY + j] * F[NY + j] + F[DZ + j] * F[NZ + j])
             x = lamps[g] - F[OX + j]
-            y = lamps[u32(g + u32(1))] - F[OY + j]
-            z = lamps[u32(g + u32(2))] - F[OZ + j]
+            y = lamps[g + 1] - F[OY + j]
+            z = lamps[g + 2] - F[OZ + j]
             part = size * size / (x * x + y * y + z * z)
             ball = lamp_ids[w] == u32(BALL)
             over = sel(ball, (pi + pi) * cone(min(part, one)), facing * size / (F[FAR + j] * F[FAR + j]))
@@ -226,8 +210,8 @@ def found(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
             mis = one / (one + ratio * ratio)
             weight = sel(met & (facing > zero), mis, weight)
             light = sel(met, lamp, light)
-            curve = sel(met, lamp_ids[u32(w + u32(LAMP_CURVE))], curve)
-        if len(has.smooth) > 0:
+            curve = sel(met, lamp_ids[w + LAMP_CURVE], curve)
+        if len(has.refracting) > 0:
             weight = weight * F[SQUEEZE + j]
         for c in range(len(has.channels)):
             radiance = weight * value(has, F, tables.curves, curve, c, j)
@@ -236,7 +220,7 @@ def found(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
                 seen = F[k + j]
                 if len(has.rows) > 0:
                     seen = polarized(
-                        has, lamps, u32(light * u32(LAMPS)), F[DX + j], F[DY + j], F[DZ + j],
+                        has, lamps, light * LAMPS, F[DX + j], F[DY + j], F[DZ + j],
                         F[AX + j], F[AY + j], F[AZ + j],
                         seen, F[k + LANES + j], F[k + 2 * LANES + j], F[k + 3 * LANES + j],
                     )  # fmt: skip

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     AX,
     AY,
@@ -20,7 +18,9 @@ from reflectance_fit.render.kernels.lanes import (
     NY,
     NZ,
     Q_LIGHT,
+    Floats,
     Has,
+    Words,
     row,
     row_count,
 )
@@ -28,8 +28,6 @@ from reflectance_fit.render.kernels.polarization import sampled_state
 from reflectance_fit.render.kernels.values import frame
 from reflectance_fit.render.lobes.mueller import across, double_angle, reflect, turn
 from reflectance_fit.render.lobes.select import like, sel
-
-u32 = np.uint32
 
 
 class Side(NamedTuple):
@@ -50,11 +48,11 @@ class Side(NamedTuple):
     front: bool
 
 
-@stage
-def side(F: np.ndarray, j: int) -> Side:
+@vectorised
+def side(F: Floats, j: int) -> Side:
     """The side of the surface that lane j meets."""
-    dx, dy, dz = F[u32(u32(DX) + j)], F[u32(u32(DY) + j)], F[u32(u32(DZ) + j)]
-    nx, ny, nz = F[u32(u32(NX) + j)], F[u32(u32(NY) + j)], F[u32(u32(NZ) + j)]
+    dx, dy, dz = F[DX + j], F[DY + j], F[DZ + j]
+    nx, ny, nz = F[NX + j], F[NY + j], F[NZ + j]
     front = dx * nx + dy * ny + dz * nz < like(0.0, dx)
     nx, ny, nz = sel(front, nx, -nx), sel(front, ny, -ny), sel(front, nz, -nz)
     xx, xy, xz, yx, yy, yz = frame(nx, ny, nz)
@@ -65,7 +63,7 @@ def side(F: np.ndarray, j: int) -> Side:
     )  # fmt: skip
 
 
-@stage
+@vectorised
 def to_local(s: Side, x: float, y: float, z: float) -> tuple[float, float, float]:
     """A direction of the world in the frame."""
     return (
@@ -75,7 +73,7 @@ def to_local(s: Side, x: float, y: float, z: float) -> tuple[float, float, float
     )
 
 
-@stage
+@vectorised
 def to_world(s: Side, x: float, y: float, z: float) -> tuple[float, float, float]:
     """A direction of the frame in the world."""
     return (
@@ -85,43 +83,43 @@ def to_world(s: Side, x: float, y: float, z: float) -> tuple[float, float, float
     )
 
 
-@stage
+@vectorised
 def plane_of(
-    has: Has, F: np.ndarray, j: int, hx: float, hy: float, hz: float
+    has: Has, F: Floats, j: int, hx: float, hy: float, hz: float
 ) -> tuple[float, float, float, float, float]:
     """The s axis of lane j's ray and a facet's normal, and the turn of its rows to it (cosine and sine of twice the angle)."""
     one, zero = like(1.0, hx), like(0.0, hx)
     if len(has.rows) == 0:
         return one, zero, zero, one, zero
-    dx, dy, dz = F[u32(u32(DX) + j)], F[u32(u32(DY) + j)], F[u32(u32(DZ) + j)]
-    ax, ay, az = F[u32(u32(AX) + j)], F[u32(u32(AY) + j)], F[u32(u32(AZ) + j)]
+    dx, dy, dz = F[DX + j], F[DY + j], F[DZ + j]
+    ax, ay, az = F[AX + j], F[AY + j], F[AZ + j]
     sx, sy, sz = across(dx, dy, dz, hx, hy, hz, ax, ay, az)
     cos, sin = double_angle(ax, ay, az, sx, sy, sz, -dx, -dy, -dz)
     return sx, sy, sz, cos, sin
 
 
-@stage
+@vectorised
 def gather_light(
-    has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, lamps: np.ndarray,
+    has: Has, F: Floats, I: Words, Q: Floats, lamps: Floats,
     c: int, q: int, j: int, weight: float,
     sx: float, sy: float, sz: float, a: float, b: float, e: float, d: float, cos: float, sin: float,
 ) -> None:  # fmt: skip
     """Adds to Q what a lane's rows have of the sampled light after a block (a, b, e, d) in the plane with s axis s."""
     zero = like(0.0, a)
     for r in range(row_count(has)):
-        k = u32(u32(row(has, c, r, 0)) + j)
+        k = row(has, c, r, 0) + j
         seen = F[k] * a
         if len(has.rows) > 0:
-            r1, r2 = turn(F[u32(k + u32(LANES))], F[u32(k + u32(2 * LANES))], cos, sin)
-            r0, r1, r2, r3 = reflect(F[k], r1, r2, F[u32(k + u32(3 * LANES))], a, b, e, d)
+            r1, r2 = turn(F[k + LANES], F[k + 2 * LANES], cos, sin)
+            r0, r1, r2, r3 = reflect(F[k], r1, r2, F[k + 3 * LANES], a, b, e, d)
             seen = sampled_state(has, F, I, lamps, j, sx, sy, sz, r0, r1, r2, r3)
         k = Q_LIGHT + (c * row_count(has) + r) * LANES + q
-        got = weight * F[u32(u32(EMIT + c * LANES) + j)] * seen
+        got = weight * F[EMIT + c * LANES + j] * seen
         Q[k] = Q[k] + sel(weight > zero, got, zero)
 
 
-@stage
-def no_light(has: Has, Q: np.ndarray, q: int) -> None:
+@vectorised
+def no_light(has: Has, Q: Floats, q: int) -> None:
     for c in range(len(has.channels)):
         for r in range(row_count(has)):
             k = Q_LIGHT + (c * row_count(has) + r) * LANES + q

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from reflectance_fit.physics.jit import stage, tracer
+from reflectance_fit.physics.jit import tracer, vectorised
 from reflectance_fit.render.kernels.camera import begin
 from reflectance_fit.render.kernels.coat import coat
 from reflectance_fit.render.kernels.diffuse import diffuse
@@ -14,13 +14,13 @@ from reflectance_fit.render.kernels.lanes import (
     COLUMN,
     DEPTH,
     DONE,
-    DRAWS,
     FAR,
     IDLE,
     KEY,
     KIND,
     LAMP,
     LANES,
+    LAST,
     LEFT,
     LINE,
     LIST,
@@ -40,73 +40,74 @@ from reflectance_fit.render.kernels.lanes import (
     SLOT,
     STATE,
     WAVE,
+    Floats,
     Has,
     Tables,
+    Words,
     components,
     gathered,
     row,
     row_count,
+    u32,
 )
 from reflectance_fit.render.kernels.lights import found, sample
 from reflectance_fit.render.kernels.queue import listed
-from reflectance_fit.render.kernels.random import mix, pair, prepared
+from reflectance_fit.render.kernels.random import draw, mix, prepared
 from reflectance_fit.render.kernels.rough import rough_metal
 from reflectance_fit.render.kernels.rough_glass import rough_glass
 from reflectance_fit.render.kernels.sheets import lit_through_sheets, sheet
-from reflectance_fit.render.kernels.sky import sky_found
+from reflectance_fit.render.kernels.sky import sky_found, sky_sample
 from reflectance_fit.render.kernels.smooth import smooth_glass, smooth_metal
 from reflectance_fit.render.kernels.texture import paint
 from reflectance_fit.render.kernels.values import FIRST_NM, POINTS, STEP_NM
 from reflectance_fit.render.lobes.select import like, sel
 
-u32 = np.uint32
-
 # The first ray that Russian roulette may end.
 _ROULETTE = 5
 
 
-@stage
-def _add_spectral(has: Has, F: np.ndarray, film: np.ndarray, tables: Tables, slot: int, j: int) -> None:
+@vectorised
+def _add_spectral(has: Has, F: Floats, film: Floats, tables: Tables, slot: int, j: int) -> None:
     """What the wavelengths of one lane look like, in linear sRGB."""
     rows = row_count(has)
     for c in range(len(has.channels)):
-        x = (F[u32(u32(WAVE + c * LANES) + j)] - like(FIRST_NM, F[0])) * like(1.0 / STEP_NM, F[0])
+        x = (F[WAVE + c * LANES + j] - like(FIRST_NM, F[0])) * like(1.0 / STEP_NM, F[0])
         cell = min(max(int(x), 0), POINTS - 2)
         share = x - like(cell, x)
         for k in range(3):
             at = QUANTILES + 1 + k * POINTS + cell
             seen = tables.spectra[at] + share * (tables.spectra[at + 1] - tables.spectra[at])
-            seen = seen * F[u32(u32(SHARE + c * LANES) + j)]
+            seen = seen * F[SHARE + c * LANES + j]
             for r in range(rows):
-                film[slot * u32(3 * rows) + u32(k * rows + r)] += seen * F[u32(u32(gathered(has, c, r)) + j)]
+                film[slot * 3 * rows + k * rows + r] += seen * F[gathered(has, c, r) + j]
 
 
-@stage
-def retire(has: Has, F: np.ndarray, I: np.ndarray, film: np.ndarray, tables: Tables, n: int) -> int:
+@vectorised
+def retire(has: Has, F: Floats, I: Words, film: Floats, tables: Tables, n: int) -> int:
     """Adds what the listed lanes gathered to their pixels; how many were not numbers and are left out."""
     discarded = 0
     size = len(has.channels) * row_count(has)
     for q in range(n):
-        j = I[u32(u32(LIST) + u32(q))]
-        slot = I[u32(u32(SLOT) + j)] * u32(size)
+        j = I[LIST + q] & LAST
+        slot = I[SLOT + j] * size
         total = like(0.0, F[0])
         for c in range(len(has.channels)):
             for r in range(row_count(has)):
-                total += F[u32(u32(gathered(has, c, r)) + j)]
+                total += F[gathered(has, c, r) + j]
         if not (abs(total) < like(np.inf, total)):
             discarded += 1
             continue
         if len(has.spectral) > 0:
-            _add_spectral(has, F, film, tables, I[u32(u32(SLOT) + j)], j)
+            _add_spectral(has, F, film, tables, I[SLOT + j], j)
             continue
         for c in range(len(has.channels)):
             for r in range(row_count(has)):
-                film[u32(u32(slot) + u32(c * row_count(has) + r))] += F[u32(u32(gathered(has, c, r)) + j)]
+                film[slot + c * row_count(has) + r] += F[gathered(has, c, r) + j]
     return discarded
 
 
-@stage
-def go_on(has: Has, F: np.ndarray, I: np.ndarray, deepest: int) -> None:
+@vectorised
+def go_on(has: Has, F: Floats, I: Words, deepest: int) -> None:
     """The next ray from where this one ended, unless it ended there for good; Russian roulette."""
     zero, one = like(0.0, F[0]), like(1.0, F[0])
     for j in range(LANES):
@@ -115,7 +116,7 @@ def go_on(has: Has, F: np.ndarray, I: np.ndarray, deepest: int) -> None:
         largest = F[row(has, 0, 0, 0) + j]
         for c in range(1, len(has.channels)):
             largest = max(largest, F[row(has, c, 0, 0) + j])
-        u, _ = pair(has.sobol, I[KEY + j], I[SAMPLE + j], u32(u32(I[DEPTH + j] * u32(DRAWS)) + u32(3)), one)
+        u, _ = draw(has, I, j, 3, one)
         # Sheets are no events of their own: they use no random number, and no length of the path.
         straight = kind >= u32(POLARIZER) if len(has.sheets) > 0 else False
         stay = sel((I[DEPTH + j] < u32(_ROULETTE - 1)) | straight, one, min(largest, one))
@@ -139,10 +140,10 @@ def go_on(has: Has, F: np.ndarray, I: np.ndarray, deepest: int) -> None:
 def trace(
     has: Has,
     tables: Tables,
-    F: np.ndarray,
-    I: np.ndarray,
-    Q: np.ndarray,
-    film: np.ndarray,
+    F: Floats,
+    I: Words,
+    Q: Floats,
+    film: Floats,
     left: int,
     top: int,
     width: int,
@@ -153,8 +154,20 @@ def trace(
     picture_width: int,
     seed: int,
     deepest: int,
+    with_lamps: int | None,
+    with_image: int | None,
+    with_textures: int | None,
+    with_glass: int | None,
+    with_metal: int | None,
+    with_rough_metal: int | None,
+    with_rough_glass: int | None,
+    with_coat: int | None,
+    with_sheets: int | None,
 ) -> int:
-    """Traces all samples of a tile's pixels in some groups; adds them to ``film``, a group after the other."""
+    """Traces all samples of a tile's pixels in some groups; adds them to ``film``, a group after the other.
+
+    The last arguments are None where a scene has no such thing: then numba does not even look at its part.
+    """
     for j in range(LANES):
         I[STATE + j] = u32(DONE)
         I[SLOT + j] = u32(0)
@@ -168,18 +181,18 @@ def trace(
         n = listed(I, STATE, DONE)
         discarded += retire(has, F, I, film, tables, n)
         for q in range(n):
-            j = I[u32(u32(LIST) + u32(q))]
+            j = I[LIST + q] & LAST
             if more:
-                I[u32(u32(STATE) + j)] = u32(RUNNING)
-                I[u32(u32(DEPTH) + j)] = u32(0)
-                I[u32(u32(COLUMN) + j)] = u32(left + x)
-                I[u32(u32(LINE) + j)] = u32(top + y)
-                I[u32(u32(SLOT) + j)] = u32(slot)
+                I[STATE + j] = u32(RUNNING)
+                I[DEPTH + j] = u32(0)
+                I[COLUMN + j] = u32(left + x)
+                I[LINE + j] = u32(top + y)
+                I[SLOT + j] = u32(slot)
                 pixel = u32((top + y) * picture_width + left + x)
-                I[u32(u32(KEY) + j)] = mix(
+                I[KEY + j] = mix(
                     u32(mix(u32(pixel ^ u32(seed))) + u32(u32(first_group + group) * u32(0x9E3779B1)))
                 )
-                I[u32(u32(SAMPLE) + j)] = prepared(has.sobol, u32(number))
+                I[SAMPLE + j] = prepared(has.sobol, u32(number))
                 number += 1
                 if number == samples:
                     number = 0
@@ -193,7 +206,7 @@ def trace(
                             group += 1
                             more = group < groups
             else:
-                I[u32(u32(STATE) + j)] = u32(IDLE)
+                I[STATE + j] = u32(IDLE)
         if not more:
             idle = 0
             for j in range(LANES):
@@ -203,30 +216,34 @@ def trace(
         begin(has, F, I, tables)
         closest(has, F, I, tables)
         meet(has, F, I, tables)
-        if len(has.textures) > 0:
+        if with_textures is not None:
             paint(has, F, I, tables)
         found(has, F, I, tables)
-        if len(has.image) > 0:
+        if with_image is not None:
             sky_found(has, F, I, tables)
         for j in range(LANES):
             last = I[DEPTH + j] >= u32(deepest)
             last = last & (I[KIND + j] < u32(POLARIZER))
             I[KIND + j] = sel(last, min(I[KIND + j], u32(LAMP)), I[KIND + j])
-        if len(has.lamps) > 0:
+        if with_lamps is not None:
             sample(has, F, I, tables)
+            if with_image is not None:
+                sky_sample(has, F, I, tables)
             shadow(has, F, I, tables)
-            if len(has.sheets) > 0:
+            if with_sheets is not None:
                 lit_through_sheets(has, F, I, tables)
         diffuse(has, F, I, tables)
-        if len(has.smooth) > 0:
+        if with_glass is not None:
             smooth_glass(has, F, I, Q, tables)
+        if with_metal is not None:
             smooth_metal(has, F, I, Q, tables)
-        if len(has.rough) > 0:
+        if with_rough_metal is not None:
             rough_metal(has, F, I, Q, tables)
+        if with_rough_glass is not None:
             rough_glass(has, F, I, Q, tables)
-        if len(has.coat) > 0:
+        if with_coat is not None:
             coat(has, F, I, Q, tables)
-        if len(has.sheets) > 0:
+        if with_sheets is not None:
             sheet(has, F, I, Q, tables, POLARIZER)
             sheet(has, F, I, Q, tables, RETARDER)
         go_on(has, F, I, deepest)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     ALONE,
     AX,
@@ -15,6 +13,7 @@ from reflectance_fit.render.kernels.lanes import (
     DY,
     DZ,
     LANES,
+    LAST,
     LIST,
     Q_ALONE,
     Q_DENSITY,
@@ -29,76 +28,77 @@ from reflectance_fit.render.kernels.lanes import (
     QZ,
     ROWS,
     SQUEEZE,
+    Floats,
     Has,
+    Words,
     components,
     gathered,
     row_count,
+    u32,
 )
 from reflectance_fit.render.lobes.mueller import reflect, turn
-
-u32 = np.uint32
 
 # What one round of a loop over a list takes on: a vector of the widest registers in float32.
 CHUNK = 16
 
 
-@stage
-def listed(I: np.ndarray, field: int, wanted: int) -> int:
+@vectorised
+def listed(I: Words, field: int, wanted: int) -> int:
     """Writes the lanes whose field has the wanted value to LIST; how many they are."""
     n = u32(0)
     for j in range(LANES):
-        I[u32(u32(LIST) + n)] = u32(j)
+        I[LIST + n] = u32(j)
         n = u32(n + u32(I[field + j] == u32(wanted)))
     return n
 
 
-@stage
-def put_back(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) -> None:
+@vectorised
+def put_back(has: Has, F: Floats, I: Words, Q: Floats, n: int) -> None:
     """New direction, density, axis; rows times factor or block."""
     for q in range(n):
-        j = I[u32(u32(LIST) + u32(q))]
-        F[u32(u32(DX) + j)] = Q[QX + q]
-        F[u32(u32(DY) + j)] = Q[QY + q]
-        F[u32(u32(DZ) + j)] = Q[QZ + q]
-        F[u32(u32(DENSITY) + j)] = Q[Q_DENSITY + q]
-        F[u32(u32(SQUEEZE) + j)] = Q[Q_SQUEEZE + q]
+        j = I[LIST + q] & LAST
+        F[DX + j] = Q[QX + q]
+        F[DY + j] = Q[QY + q]
+        F[DZ + j] = Q[QZ + q]
+        F[DENSITY + j] = Q[Q_DENSITY + q]
+        F[SQUEEZE + j] = Q[Q_SQUEEZE + q]
         if len(has.spectral) > 0:
-            F[u32(u32(ALONE) + j)] = Q[Q_ALONE + q]
+            F[ALONE + j] = Q[Q_ALONE + q]
         if len(has.rows) > 0:
-            F[u32(u32(AX) + j)] = Q[QA + q]
-            F[u32(u32(AY) + j)] = Q[QB + q]
-            F[u32(u32(AZ) + j)] = Q[QC + q]
+            F[AX + j] = Q[QA + q]
+            F[AY + j] = Q[QB + q]
+            F[AZ + j] = Q[QC + q]
         for c in range(len(has.channels)):
             for r in range(row_count(has)):
                 for s in range(components(has)):
                     k = (c * row_count(has) + r) * components(has) + s
-                    F[u32(u32(ROWS + k * LANES) + j)] = Q[Q_FACTOR + k * LANES + q]
+                    F[ROWS + k * LANES + j] = Q[Q_FACTOR + k * LANES + q]
 
 
-@stage
-def take_light(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) -> None:
+@vectorised
+def take_light(has: Has, F: Floats, I: Words, Q: Floats, n: int) -> None:
     """Adds what the listed lanes got from the sampled light."""
     for q in range(n):
-        j = I[u32(u32(LIST) + u32(q))]
+        j = I[LIST + q] & LAST
         for c in range(len(has.channels)):
             for r in range(row_count(has)):
                 k = c * row_count(has) + r
-                F[u32(u32(gathered(has, c, r)) + j)] += Q[Q_LIGHT + k * LANES + q]
+                F[gathered(has, c, r) + j] += Q[Q_LIGHT + k * LANES + q]
 
 
-@stage
+@vectorised
 def weigh(
-    has: Has, F: np.ndarray, Q: np.ndarray, c: int, q: int, j: int,
+    has: Has, F: Floats, Q: Floats, c: int, q: int, j: int,
     a: float, b: float, e: float, d: float, cos: float, sin: float,
 ) -> None:  # fmt: skip
     """A lane's rows of one channel, turned into the plane of incidence, times the block (a, b, e, d) of a Mueller matrix."""
     for r in range(row_count(has)):
         k = (c * row_count(has) + r) * components(has) * LANES
         if len(has.rows) == 0:
-            Q[Q_FACTOR + k + q] = F[u32(u32(ROWS + k) + j)] * a
+            Q[Q_FACTOR + k + q] = F[ROWS + k + j] * a
         else:
-            r0, r3 = F[u32(u32(ROWS + k) + j)], F[u32(u32(ROWS + k + 3 * LANES) + j)]
-            r1, r2 = turn(F[u32(u32(ROWS + k + LANES) + j)], F[u32(u32(ROWS + k + 2 * LANES) + j)], cos, sin)
+            r0, r3 = F[ROWS + k + j], F[ROWS + k + 3 * LANES + j]
+            r1, r2 = turn(F[ROWS + k + LANES + j], F[ROWS + k + 2 * LANES + j], cos, sin)
             r0, r1, r2, r3 = reflect(r0, r1, r2, r3, a, b, e, d)
             Q[Q_FACTOR + k + q] = r0
             Q[Q_FACTOR + k + LANES + q] = r1

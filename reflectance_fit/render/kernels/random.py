@@ -5,15 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, cast
 
-import numpy as np
 from numba import types
 from numba.extending import intrinsic
 
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
+from reflectance_fit.render.kernels.lanes import (
+    DEPTH,
+    DRAWS,
+    KEY,
+    SAMPLE,
+    Has,
+    Words,
+    i32,
+    u32,
+)
 from reflectance_fit.render.lobes.select import like
-
-u32 = np.uint32
-i32 = np.int32
 
 
 def _reversed_bits(typing_context: Any, value: Any) -> Any:
@@ -26,7 +32,7 @@ def _reversed_bits(typing_context: Any, value: Any) -> Any:
 reversed_bits = cast(Callable[[int], int], intrinsic(_reversed_bits))
 
 
-@stage
+@vectorised
 def mix(x: int) -> int:
     """A permutation of 32 bits in which every bit in changes every bit out with probability near 1/2.
 
@@ -41,13 +47,13 @@ def mix(x: int) -> int:
     return u32(x ^ u32(x >> u32(15)))
 
 
-@stage
+@vectorised
 def unit(word: int, number: float) -> float:
     """Upper 24 bits as a number in [0, 1) of the type of ``number``."""
     return like(i32(u32(word >> u32(8))), number) * like(2.0**-24, number)
 
 
-@stage
+@vectorised
 def _scrambled(x: int, seed: int) -> int:
     """Owen's scrambling of the reversed bits of ``x``: each bit is flipped by the ones above it.
 
@@ -63,7 +69,7 @@ def _scrambled(x: int, seed: int) -> int:
     return u32(x ^ u32(x * u32(0x53A22864)))
 
 
-@stage
+@vectorised
 def _second(x: int) -> int:
     """Reversed bits of Sobol's second coordinate of point number ``x``: Pascal's triangle modulo 2 times its bits."""
     x = u32(x ^ u32(u32(x & u32(0xAAAAAAAA)) >> u32(1)))
@@ -73,13 +79,13 @@ def _second(x: int) -> int:
     return u32(x ^ u32(u32(x & u32(0xFFFF0000)) >> u32(16)))
 
 
-@stage
+@vectorised
 def prepared(sobol: tuple[int, ...], sample: int) -> int:
     """What ``pair`` takes for the number of a sample in its group."""
     return reversed_bits(sample) if len(sobol) > 0 else mix(u32(sample + u32(0x6C8E9CF5)))
 
 
-@stage
+@vectorised
 def pair(sobol: tuple[int, ...], key: int, sample: int, dimension: int, number: float) -> tuple[float, float]:
     """Two numbers in [0, 1): of an Owen-scrambled (0, 2)-sequence in a shuffled order, or independent ones.
 
@@ -94,3 +100,10 @@ def pair(sobol: tuple[int, ...], key: int, sample: int, dimension: int, number: 
         return unit(first, number), unit(reversed_bits(_scrambled(_second(index), third)), number)
     first = mix(u32(seed ^ sample))
     return unit(first, number), unit(mix(u32(first + u32(seed * u32(5)))), number)
+
+
+@vectorised
+def draw(has: Has, I: Words, j: int, number: int, one: float) -> tuple[float, float]:
+    """Pair ``number`` below DRAWS of the ray that lane j follows."""
+    dimension = u32(u32(I[DEPTH + j] * u32(DRAWS)) + u32(number))
+    return pair(has.sobol, I[KEY + j], I[SAMPLE + j], dimension, one)

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.fresnel_of import glass_blocks, glass_reflectance, index_of
 from reflectance_fit.render.kernels.lanes import (
     ALONE,
     ALPHA,
-    DEPTH,
-    DRAWS,
-    KEY,
     KIND,
+    LAST,
     LIST,
     LIT,
     LX,
     LY,
     LZ,
     MET,
+    MOST,
     Q_ALONE,
     Q_DENSITY,
     Q_SQUEEZE,
@@ -29,13 +26,14 @@ from reflectance_fit.render.kernels.lanes import (
     QY,
     QZ,
     ROUGH_GLASS,
-    SAMPLE,
     SEEN,
     SHAPE,
     SHAPE_IDS,
     SQUEEZE,
+    Floats,
     Has,
     Tables,
+    Words,
 )
 from reflectance_fit.render.kernels.local import (
     Side,
@@ -47,17 +45,15 @@ from reflectance_fit.render.kernels.local import (
     to_world,
 )
 from reflectance_fit.render.kernels.queue import CHUNK, listed, put_back, take_light, weigh
-from reflectance_fit.render.kernels.random import pair
+from reflectance_fit.render.kernels.random import draw
 from reflectance_fit.render.kernels.values import power_heuristic
 from reflectance_fit.render.lobes import ggx
 from reflectance_fit.render.lobes.select import like, sel
 
-u32 = np.uint32
 
-
-@stage
+@vectorised
 def reflected_share(
-    has: Has, F: np.ndarray, tables: Tables, shape: int, j: int, c: float, front: bool
+    has: Has, F: Floats, tables: Tables, shape: int, j: int, c: float, front: bool
 ) -> tuple[float, float, float, bool]:
     """Probability of reflection, cosine of refraction, relative index, and whether all channels share that."""
     zero, one = like(0.0, c), like(1.0, c)
@@ -73,20 +69,20 @@ def reflected_share(
         same = same & (index == relative)
     chance = total / like(count, one)
     if len(has.spectral) > 0:
-        chance = sel(F[u32(u32(ALONE) + j)] > zero, power, chance)
+        chance = sel(F[ALONE + j] > zero, power, chance)
     return sel(cos_t > zero, chance, one), cos_t, relative, same
 
 
-@stage
-def apart_share(has: Has, F: np.ndarray, j: int, back: bool, same: bool, one: float) -> float:
+@vectorised
+def apart_share(has: Has, F: Floats, j: int, back: bool, same: bool, one: float) -> float:
     """1 where wavelengths part: they are refracted, differently, and have not parted before."""
     zero = like(0.0, one)
     if len(has.spectral) == 0:
         return zero
-    return sel(back | same | (F[u32(u32(ALONE) + j)] > zero), zero, one)
+    return sel(back | same | (F[ALONE + j] > zero), zero, one)
 
 
-@stage
+@vectorised
 def channel_share(has: Has, apart: float, k: int) -> float:
     """Where wavelengths part the first goes on for all."""
     zero, one = like(0.0, apart), like(1.0, apart)
@@ -95,15 +91,15 @@ def channel_share(has: Has, apart: float, k: int) -> float:
     return sel(apart > zero, like(len(has.channels), one) if k == 0 else zero, one)
 
 
-@stage
+@vectorised
 def _light(
-    has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables,
+    has: Has, F: Floats, I: Words, Q: Floats, tables: Tables,
     here: Side, shape: int, alpha: float, q: int, j: int,
 ) -> None:  # fmt: skip
     """What the sampled light gives through the one facet that turns it into the path."""
     zero, one = like(0.0, alpha), like(1.0, alpha)
     relative = index_of(has, F, tables, shape, 1 if len(has.channels) == 3 else 0, j, here.front)
-    lx, ly, lz = to_local(here, F[u32(u32(LX) + j)], F[u32(u32(LY) + j)], F[u32(u32(LZ) + j)])
+    lx, ly, lz = to_local(here, F[LX + j], F[LY + j], F[LZ + j])
     back = lz > zero
     rx, ry, rz, mirror_cosine = ggx.half(here.vx, here.vy, here.vz, lx, ly, lz)
     tx, ty, tz, near, far, length = ggx.refraction_half(here.vx, here.vy, here.vz, lx, ly, lz, relative)
@@ -121,8 +117,8 @@ def _light(
         chance * ggx.reflection_pdf(alpha, here.vz, d),
         (one - chance) * ggx.transmission_pdf(alpha, here.vz, near, far, length, relative, d),
     )
-    lit = F[u32(u32(LIT) + j)]
-    weight = value * F[u32(u32(SEEN) + j)] * F[u32(u32(SQUEEZE) + j)]
+    lit = F[LIT + j]
+    weight = value * F[SEEN + j] * F[SQUEEZE + j]
     weight = weight * sel(lit > zero, power_heuristic(lit, density), one)
     wx, wy, wz = to_world(here, hx, hy, hz)
     sx, sy, sz, cos, sin = plane_of(has, F, j, wx, wy, wz)
@@ -135,25 +131,23 @@ def _light(
         )  # fmt: skip
 
 
-@stage
-def rough_glass(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) -> None:
+@vectorised
+def rough_glass(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables) -> None:
     """A visible facet reflects with the channels' mean reflectance, else refracts."""
     n = listed(I, KIND, ROUGH_GLASS)
     zero, one = like(0.0, F[0]), like(1.0, F[0])
     for block in range(0, n, CHUNK):
         for q in range(block, block + CHUNK):
-            j = I[u32(u32(LIST) + u32(q))]
+            j = I[LIST + q] & LAST
             here = side(F, j)
-            met = I[u32(u32(MET) + j)]
-            shape = u32(met * u32(SHAPE_IDS))
-            alpha = tables.shapes[u32(u32(met * u32(SHAPE)) + u32(ALPHA))]
+            met = I[MET + j] & MOST
+            shape = met * SHAPE_IDS
+            alpha = tables.shapes[met * SHAPE + ALPHA]
             no_light(has, Q, q)
             if len(has.lamps) > 0:
                 _light(has, F, I, Q, tables, here, shape, alpha, q, j)
-            dimension = u32(I[u32(u32(DEPTH) + j)] * u32(DRAWS))
-            key, sample = I[u32(u32(KEY) + j)], I[u32(u32(SAMPLE) + j)]
-            u, v = pair(has.sobol, key, sample, u32(dimension + u32(1)), one)
-            _, choice = pair(has.sobol, key, sample, u32(dimension + u32(2)), one)
+            u, v = draw(has, I, j, 1, one)
+            _, choice = draw(has, I, j, 2, one)
             hx, hy, hz = ggx.sample_visible(alpha, here.vx, here.vy, here.vz, u, v)
             rx, ry, rz, cosine = ggx.mirrored(here.vx, here.vy, here.vz, hx, hy, hz)
             cosine = min(max(cosine, zero), one)
@@ -179,12 +173,12 @@ def rough_glass(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: T
             lx, ly, lz = sel(back, rx, tx), sel(back, ry, ty), sel(back, rz, tz)
             Q[Q_DENSITY + q] = density
             Q[QX + q], Q[QY + q], Q[QZ + q] = to_world(here, lx, ly, lz)
-            Q[Q_SQUEEZE + q] = F[u32(u32(SQUEEZE) + j)] * sel(back, one, over2)
+            Q[Q_SQUEEZE + q] = F[SQUEEZE + j] * sel(back, one, over2)
             wx, wy, wz = to_world(here, hx, hy, hz)
             sx, sy, sz, cos, sin = plane_of(has, F, j, wx, wy, wz)
             Q[QA + q], Q[QB + q], Q[QC + q] = sx, sy, sz
             apart = apart_share(has, F, j, back, same, one)
-            Q[Q_ALONE + q] = F[u32(u32(ALONE) + j)] + apart
+            Q[Q_ALONE + q] = F[ALONE + j] + apart
             for c in range(len(has.channels)):
                 ra, rb, rc, rd = glass_blocks(has, F, tables, shape, c, j, cosine, here.front, back)
                 share = weight * channel_share(has, apart, c)

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     ALONE,
     AX,
@@ -29,6 +29,7 @@ from reflectance_fit.render.kernels.lanes import (
     KIND,
     LAMPS,
     LANES,
+    LAST,
     LIGHT,
     LIST,
     LX,
@@ -39,6 +40,7 @@ from reflectance_fit.render.kernels.lanes import (
     M2,
     M3,
     MET,
+    MOST,
     NORMAL,
     OF_KIND,
     POLARIZER,
@@ -63,11 +65,14 @@ from reflectance_fit.render.kernels.lanes import (
     STATE_1,
     STATE_2,
     STATE_3,
+    Floats,
     Has,
     Tables,
+    Words,
     components,
     row,
     row_count,
+    u32,
 )
 from reflectance_fit.render.kernels.polarization import state_of
 from reflectance_fit.render.kernels.queue import CHUNK, listed, put_back
@@ -75,26 +80,24 @@ from reflectance_fit.render.kernels.values import frame
 from reflectance_fit.render.lobes.mueller import double_angle, polarize, retard, turn
 from reflectance_fit.render.lobes.select import like, sel
 
-u32 = np.uint32
 
-
-@stage
+@vectorised
 def _axis(
-    shapes: np.ndarray, g: int, polarizer: bool, dx: float, dy: float, dz: float
+    shapes: Floats, g: int, polarizer: bool, dx: float, dy: float, dz: float
 ) -> tuple[float, float, float]:
     """The axis of the sheet whose numbers begin at g, transmitting or fast, for a ray along d."""
     one, tiny = like(1.0, dx), like(1e-18, dx)
     ux, uy, uz = (
-        shapes[u32(g + u32(EDGE_U))],
-        shapes[u32(g + u32(EDGE_U + 1))],
-        shapes[u32(g + u32(EDGE_U + 2))],
+        shapes[g + EDGE_U],
+        shapes[g + EDGE_U + 1],
+        shapes[g + EDGE_U + 2],
     )
     vx, vy, vz = (
-        shapes[u32(g + u32(EDGE_V))],
-        shapes[u32(g + u32(EDGE_V + 1))],
-        shapes[u32(g + u32(EDGE_V + 2))],
+        shapes[g + EDGE_V],
+        shapes[g + EDGE_V + 1],
+        shapes[g + EDGE_V + 2],
     )
-    cos, sin = shapes[u32(g + u32(M0))], shapes[u32(g + u32(M1))]
+    cos, sin = shapes[g + M0], shapes[g + M1]
     along, across = sel(polarizer, -sin, cos), sel(polarizer, cos, sin)
     along = along / math.sqrt(ux * ux + uy * uy + uz * uz)
     across = across / math.sqrt(vx * vx + vy * vy + vz * vz)
@@ -110,53 +113,53 @@ def _axis(
     )
 
 
-@stage
+@vectorised
 def _through(
-    shapes: np.ndarray, g: int, polarizer: bool, r0: float, r1: float, r2: float, r3: float
+    shapes: Floats, g: int, polarizer: bool, r0: float, r1: float, r2: float, r3: float
 ) -> tuple[float, float, float, float]:
     """A row times the sheet's matrix, in the frame of its axis."""
-    p0, p1, p2, p3 = polarize(r0, r1, r2, r3, shapes[u32(g + u32(M2))])
-    q2, q3 = retard(r2, r3, shapes[u32(g + u32(M2))], shapes[u32(g + u32(M3))])
+    p0, p1, p2, p3 = polarize(r0, r1, r2, r3, shapes[g + M2])
+    q2, q3 = retard(r2, r3, shapes[g + M2], shapes[g + M3])
     return sel(polarizer, p0, r0), sel(polarizer, p1, r1), sel(polarizer, p2, q2), sel(polarizer, p3, q3)
 
 
-@stage
-def sheet(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables, kind: int) -> None:
+@vectorised
+def sheet(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables, kind: int) -> None:
     """Camera rays through one kind of sheet."""
     n = listed(I, KIND, kind)
     half, one = like(0.5, F[0]), like(1.0, F[0])
     polarizer = kind == POLARIZER
     for block in range(0, n, CHUNK):
         for q in range(block, block + CHUNK):
-            j = I[u32(u32(LIST) + u32(q))]
-            g = u32(I[u32(u32(MET) + j)] * u32(SHAPE))
-            dx, dy, dz = F[u32(u32(DX) + j)], F[u32(u32(DY) + j)], F[u32(u32(DZ) + j)]
+            j = I[LIST + q] & LAST
+            g = (I[MET + j] & MOST) * SHAPE
+            dx, dy, dz = F[DX + j], F[DY + j], F[DZ + j]
             Q[QX + q], Q[QY + q], Q[QZ + q] = dx, dy, dz
-            Q[Q_DENSITY + q] = F[u32(u32(DENSITY) + j)]
-            Q[Q_SQUEEZE + q] = F[u32(u32(SQUEEZE) + j)]
-            Q[Q_ALONE + q] = F[u32(u32(ALONE) + j)]
+            Q[Q_DENSITY + q] = F[DENSITY + j]
+            Q[Q_SQUEEZE + q] = F[SQUEEZE + j]
+            Q[Q_ALONE + q] = F[ALONE + j]
             cos, sin = one, half
             if len(has.rows) > 0:
-                ax, ay, az = F[u32(u32(AX) + j)], F[u32(u32(AY) + j)], F[u32(u32(AZ) + j)]
+                ax, ay, az = F[AX + j], F[AY + j], F[AZ + j]
                 sx, sy, sz = _axis(tables.shapes, g, polarizer, dx, dy, dz)
                 cos, sin = double_angle(ax, ay, az, sx, sy, sz, -dx, -dy, -dz)
                 Q[QA + q], Q[QB + q], Q[QC + q] = sx, sy, sz
             for c in range(len(has.channels)):
                 for r in range(row_count(has)):
-                    f = u32(u32(row(has, c, r, 0)) + j)
+                    f = row(has, c, r, 0) + j
                     k = Q_FACTOR + (c * row_count(has) + r) * components(has) * LANES + q
                     if len(has.rows) == 0:
                         Q[k] = F[f] * (half if polarizer else one)
                     else:
-                        r1, r2 = turn(F[u32(f + u32(LANES))], F[u32(f + u32(2 * LANES))], cos, sin)
-                        r3 = F[u32(f + u32(3 * LANES))]
+                        r1, r2 = turn(F[f + LANES], F[f + 2 * LANES], cos, sin)
+                        r3 = F[f + 3 * LANES]
                         r0, r1, r2, r3 = _through(tables.shapes, g, polarizer, F[f], r1, r2, r3)
                         Q[k], Q[k + LANES], Q[k + 2 * LANES], Q[k + 3 * LANES] = r0, r1, r2, r3
     put_back(has, F, I, Q, n)
 
 
-@stage
-def _distance(F: np.ndarray, shapes: np.ndarray, g: int, circular: bool, j: int) -> float:
+@vectorised
+def _distance(F: Floats, shapes: Floats, g: int, circular: bool, j: int) -> float:
     """From the point met to the sheet, along the direction of the sampled light; infinite: not between the two."""
     zero, one = like(0.0, F[0]), like(1.0, F[0])
     cx, cy, cz = F[PX + j] - shapes[g], F[PY + j] - shapes[g + 1], F[PZ + j] - shapes[g + 2]
@@ -171,8 +174,8 @@ def _distance(F: np.ndarray, shapes: np.ndarray, g: int, circular: bool, j: int)
     return sel(between, t, like(np.inf, one))
 
 
-@stage
-def lit_through_sheets(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
+@vectorised
+def lit_through_sheets(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """What sheets leave of the sampled light: S0 into SEEN, the rest over S0 into STATE_1 to STATE_3, of axis B.
 
     Lane by lane: from the light on, through the sheets in the order of their distance.
@@ -186,7 +189,7 @@ def lit_through_sheets(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -
         bx, by, bz = frame(dx, dy, dz)[:3]
         if len(has.polarized) > 0:
             lamp = I[LIGHT + j] if len(has.lamps) > 1 else u32(0)
-            bx, by, bz, s1, s2, s3 = state_of(lamps, u32(lamp * u32(LAMPS)), dx, dy, dz)
+            bx, by, bz, s1, s2, s3 = state_of(lamps, lamp * LAMPS, dx, dy, dz)
         before = like(np.inf, one)
         for _ in range(first, last):
             # The farthest sheet that is not behind the light or passed already.
@@ -199,7 +202,7 @@ def lit_through_sheets(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -
             if place < 0:
                 break
             before = far
-            g = u32(place * SHAPE)
+            g = place * SHAPE
             polarizer = shape_ids[place * SHAPE_IDS + OF_KIND] == u32(POLARIZER)
             if len(has.rows) == 0:
                 s0 = s0 * (half if polarizer else one)
@@ -217,11 +220,11 @@ def lit_through_sheets(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -
             F[STATE_1 + j], F[STATE_2 + j], F[STATE_3 + j] = s1 * over, s2 * over, s3 * over
 
 
-@stage
+@vectorised
 def _on_state(
-    shapes: np.ndarray, g: int, polarizer: bool, s0: float, s1: float, s2: float, s3: float
+    shapes: Floats, g: int, polarizer: bool, s0: float, s1: float, s2: float, s3: float
 ) -> tuple[float, float, float, float]:
     """The sheet's matrix times a Stokes vector, in the frame of its axis."""
-    p0, p1, p2, p3 = polarize(s0, s1, s2, s3, shapes[u32(g + u32(M2))])
-    q2, q3 = retard(s2, s3, shapes[u32(g + u32(M2))], -shapes[u32(g + u32(M3))])
+    p0, p1, p2, p3 = polarize(s0, s1, s2, s3, shapes[g + M2])
+    q2, q3 = retard(s2, s3, shapes[g + M2], -shapes[g + M3])
     return sel(polarizer, p0, s0), sel(polarizer, p1, s1), sel(polarizer, p2, q2), sel(polarizer, p3, q3)

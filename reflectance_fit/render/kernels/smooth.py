@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.fresnel_of import glass_blocks, glass_reflectance, metal_block
 from reflectance_fit.render.kernels.lanes import (
     ALONE,
-    DEPTH,
-    DRAWS,
     DX,
     DY,
     DZ,
     GLASS,
-    KEY,
     KIND,
+    LAST,
     LIST,
     MET,
     MIRROR,
+    MOST,
     NX,
     NY,
     NZ,
@@ -33,22 +30,21 @@ from reflectance_fit.render.kernels.lanes import (
     QX,
     QY,
     QZ,
-    SAMPLE,
     SHAPE_IDS,
     SQUEEZE,
+    Floats,
     Has,
     Tables,
+    Words,
 )
 from reflectance_fit.render.kernels.local import plane_of
 from reflectance_fit.render.kernels.queue import CHUNK, listed, put_back, weigh
-from reflectance_fit.render.kernels.random import pair
+from reflectance_fit.render.kernels.random import draw
 from reflectance_fit.render.lobes.select import like, sel
 
-u32 = np.uint32
 
-
-@stage
-def smooth_glass(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) -> None:
+@vectorised
+def smooth_glass(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables) -> None:
     """Reflection with the probability of the channels' mean reflectance, else refraction."""
     n = listed(I, KIND, GLASS)
     zero, one, two = like(0.0, F[0]), like(1.0, F[0]), like(2.0, F[0])
@@ -57,14 +53,14 @@ def smooth_glass(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: 
     leading = 1 if count == 3 else 0
     for block in range(0, n, CHUNK):
         for q in range(block, block + CHUNK):
-            j = I[u32(u32(LIST) + u32(q))]
-            dx, dy, dz = F[u32(u32(DX) + j)], F[u32(u32(DY) + j)], F[u32(u32(DZ) + j)]
-            nx, ny, nz = F[u32(u32(NX) + j)], F[u32(u32(NY) + j)], F[u32(u32(NZ) + j)]
+            j = I[LIST + q] & LAST
+            dx, dy, dz = F[DX + j], F[DY + j], F[DZ + j]
+            nx, ny, nz = F[NX + j], F[NY + j], F[NZ + j]
             cosine = -(dx * nx + dy * ny + dz * nz)
             front = cosine > zero
             c = min(abs(cosine), one)
             nx, ny, nz = sel(front, nx, -nx), sel(front, ny, -ny), sel(front, nz, -nz)
-            shape = u32(I[u32(u32(MET) + j)] * u32(SHAPE_IDS))
+            shape = (I[MET + j] & MOST) * SHAPE_IDS
             power, cos_t, relative = glass_reflectance(has, F, tables, shape, leading, j, c, front)
             chance = power
             same = True
@@ -76,12 +72,9 @@ def smooth_glass(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: 
                     same = same & (index == relative)
                 chance = total / like(count, one)
                 if len(has.spectral) > 0:
-                    chance = sel(F[u32(u32(ALONE) + j)] > zero, power, chance)
+                    chance = sel(F[ALONE + j] > zero, power, chance)
                 chance = sel(cos_t > zero, chance, one)
-            _, u = pair(
-                has.sobol, I[u32(u32(KEY) + j)], I[u32(u32(SAMPLE) + j)],
-                u32(u32(I[u32(u32(DEPTH) + j)] * u32(DRAWS)) + u32(2)), one,
-            )  # fmt: skip
+            _, u = draw(has, I, j, 2, one)
             back = u < chance
             over = one / relative
             along = sel(back, one, over)
@@ -90,14 +83,14 @@ def smooth_glass(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: 
             length = one / math.sqrt(tx * tx + ty * ty + tz * tz)
             Q[QX + q], Q[QY + q], Q[QZ + q] = tx * length, ty * length, tz * length
             Q[Q_DENSITY + q] = zero
-            Q[Q_SQUEEZE + q] = F[u32(u32(SQUEEZE) + j)] * sel(back, one, over * over)
+            Q[Q_SQUEEZE + q] = F[SQUEEZE + j] * sel(back, one, over * over)
             scale = one / sel(back, chance, one - chance)
             sx, sy, sz, cos, sin = plane_of(has, F, j, nx, ny, nz)
             Q[QA + q], Q[QB + q], Q[QC + q] = sx, sy, sz
             apart = zero
             if len(has.spectral) > 0:
-                apart = sel(back | same | (F[u32(u32(ALONE) + j)] > zero), zero, one)
-                Q[Q_ALONE + q] = F[u32(u32(ALONE) + j)] + apart
+                apart = sel(back | same | (F[ALONE + j] > zero), zero, one)
+                Q[Q_ALONE + q] = F[ALONE + j] + apart
             for k in range(count):
                 share = scale
                 if len(has.spectral) > 0:
@@ -112,16 +105,16 @@ def smooth_glass(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: 
     put_back(has, F, I, Q, n)
 
 
-@stage
-def smooth_metal(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: Tables) -> None:
+@vectorised
+def smooth_metal(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables) -> None:
     """Reflection, on either side."""
     n = listed(I, KIND, MIRROR)
     zero, one, two = like(0.0, F[0]), like(1.0, F[0]), like(2.0, F[0])
     for block in range(0, n, CHUNK):
         for q in range(block, block + CHUNK):
-            j = I[u32(u32(LIST) + u32(q))]
-            dx, dy, dz = F[u32(u32(DX) + j)], F[u32(u32(DY) + j)], F[u32(u32(DZ) + j)]
-            nx, ny, nz = F[u32(u32(NX) + j)], F[u32(u32(NY) + j)], F[u32(u32(NZ) + j)]
+            j = I[LIST + q] & LAST
+            dx, dy, dz = F[DX + j], F[DY + j], F[DZ + j]
+            nx, ny, nz = F[NX + j], F[NY + j], F[NZ + j]
             cosine = -(dx * nx + dy * ny + dz * nz)
             c = min(abs(cosine), one)
             push = two * cosine
@@ -129,11 +122,11 @@ def smooth_metal(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, tables: 
             length = one / math.sqrt(tx * tx + ty * ty + tz * tz)
             Q[QX + q], Q[QY + q], Q[QZ + q] = tx * length, ty * length, tz * length
             Q[Q_DENSITY + q] = zero
-            Q[Q_SQUEEZE + q] = F[u32(u32(SQUEEZE) + j)]
-            Q[Q_ALONE + q] = F[u32(u32(ALONE) + j)]
+            Q[Q_SQUEEZE + q] = F[SQUEEZE + j]
+            Q[Q_ALONE + q] = F[ALONE + j]
             sx, sy, sz, cos, sin = plane_of(has, F, j, nx, ny, nz)
             Q[QA + q], Q[QB + q], Q[QC + q] = sx, sy, sz
-            shape = u32(I[u32(u32(MET) + j)] * u32(SHAPE_IDS))
+            shape = (I[MET + j] & MOST) * SHAPE_IDS
             for k in range(len(has.channels)):
                 ra, rb, rc, rd = metal_block(has, F, tables, shape, k, j, c)
                 weigh(has, F, Q, k, q, j, ra, rb, rc, rd, cos, sin)

@@ -2,52 +2,51 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from reflectance_fit.physics.jit import stage
+from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     LANES,
+    MOST,
     WAVE,
+    Floats,
     Has,
     Tables,
+    i32,
 )
 from reflectance_fit.render.lobes.select import like, sel
-
-u32 = np.uint32
 
 FIRST_NM, STEP_NM, POINTS = 360.0, 5.0, 95
 
 
-@stage
-def value(has: Has, F: np.ndarray, curves: np.ndarray, curve: int, channel: int, j: int) -> float:
+@vectorised
+def value(has: Has, F: Floats, curves: Floats, curve: int, channel: int, j: int) -> float:
     """A curve at one of a lane's channels."""
     if len(has.spectral) > 0:
         number = F[0]
         x = (F[WAVE + channel * LANES + j] - like(FIRST_NM, number)) * like(1.0 / STEP_NM, number)
-        cell = np.int32(min(max(x, like(0.0, number)), like(POINTS - 2.0, number)))
+        cell = i32(min(max(x, like(0.0, number)), like(POINTS - 2.0, number)))
         share = x - like(cell, number)
-        at = u32(u32(curve * u32(POINTS)) + u32(cell))
-        low, high = curves[at], curves[u32(at + u32(1))]
+        at = (curve & MOST) * POINTS + cell
+        low, high = curves[at], curves[at + 1]
         return low + share * (high - low)
-    return curves[u32(u32(curve * u32(len(has.channels))) + u32(channel))]
+    return curves[(curve & MOST) * len(has.channels) + channel]
 
 
-@stage
+@vectorised
 def primaries(
-    has: Has, F: np.ndarray, tables: Tables, pixels: np.ndarray, pixel: int, first: int, channel: int, j: int
+    has: Has, F: Floats, tables: Tables, pixels: Floats, pixel: int, first: int, channel: int, j: int
 ) -> float:
     """A picture's pixel at one of a lane's channels; spectra are sums of three, whose curves begin at ``counts[first]``."""
     if len(has.spectral) == 0:
-        return pixels[u32(u32(pixel * u32(len(has.channels))) + u32(channel))]
-    at = u32(pixel * u32(3))
+        return pixels[pixel * len(has.channels) + channel]
+    at = pixel * 3
     return (
-        pixels[at] * value(has, F, tables.curves, u32(tables.counts[first]), channel, j)
-        + pixels[u32(at + u32(1))] * value(has, F, tables.curves, u32(tables.counts[first + 1]), channel, j)
-        + pixels[u32(at + u32(2))] * value(has, F, tables.curves, u32(tables.counts[first + 2]), channel, j)
+        pixels[at] * value(has, F, tables.curves, tables.counts[first], channel, j)
+        + pixels[at + 1] * value(has, F, tables.curves, tables.counts[first + 1], channel, j)
+        + pixels[at + 2] * value(has, F, tables.curves, tables.counts[first + 2], channel, j)
     )
 
 
-@stage
+@vectorised
 def frame(x: float, y: float, z: float) -> tuple[float, float, float, float, float, float]:
     """Two unit vectors at right angles to a unit vector and to one another.
 
@@ -62,7 +61,7 @@ def frame(x: float, y: float, z: float) -> tuple[float, float, float, float, flo
     return one + sign * x * x * a, sign * b, -sign * x, b, sign + y * y * a, -y
 
 
-@stage
+@vectorised
 def power_heuristic(taken: float, other: float) -> float:
     """Weight of a direction drawn with density ``taken`` that ``other`` might have drawn; 1 where other is 0.
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 from numba.extending import intrinsic
 
 from reflectance_fit.physics.jit import vectorised
+
+Number = TypeVar("Number")
 
 
 def _like(typing_context: Any, value: Any, number: Any) -> Any:
@@ -22,7 +24,7 @@ like = cast(Callable[[float, float], float], intrinsic(_like))
 
 
 @vectorised
-def sel(condition: bool, a: float, b: float) -> float:
+def sel(condition: bool, a: Number, b: Number) -> Number:
     """a where the condition holds, else b; both are computed."""
     return a if condition else b
 
