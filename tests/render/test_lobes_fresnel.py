@@ -71,6 +71,11 @@ def test_reflectances_keep_their_digits_towards_an_index_match(dtype):
     assert np.all(np.abs(s - exact.s) <= 10 * np.finfo(dtype).eps * exact.s)
     # p has its own zero, Brewster's angle.
     assert np.all(np.abs(p - exact.p) <= 20 * np.finfo(dtype).eps * exact.s)
+    k = (eta - 1) / 2
+    s, p = over_lanes(fresnel.conductor_power, c, eta, k, dtype=dtype)
+    exact = reflectances(c.astype(float), eta.astype(float), k.astype(float))
+    assert np.all(np.abs(s - exact.s) <= 10 * np.finfo(dtype).eps * exact.s)
+    assert np.all(np.abs(p - exact.p) <= 20 * np.finfo(dtype).eps * exact.s)
 
 
 @pytest.mark.parametrize("dtype", DTYPES)

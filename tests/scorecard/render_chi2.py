@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,13 +23,15 @@ class Sampler:
     """Points (N, 2) of a rectangle, and their density over it.
 
     ``sample(n, rng)`` gives NaN for what ended elsewhere (below the horizon,
-    say): its share is what the density lacks to 1.  ``bounds`` is x0, x1, y0, y1.
+    say): its share is what the density lacks to 1.  ``bounds`` is x0, x1, y0, y1;
+    ``breaks`` are x and y where the density is known to jump.
     """
 
     name: str
     sample: Callable[[int, np.random.Generator], Floats]
     density: Callable[[Floats, Floats], Floats]
     bounds: tuple[float, float, float, float]
+    breaks: tuple[Sequence[float], Sequence[float]] = ((), ())
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +54,8 @@ def examine(sampler: Sampler, n: int, seed: int, cells: int = 24) -> Outcome:
     pilot = sampler.sample(100_000, np.random.default_rng([seed, 0]))
     pilot = pilot[np.isfinite(pilot[:, 0])]
     x0, x1, y0, y1 = sampler.bounds
-    x_edges, y_edges = _edges(pilot[:, 0], x0, x1, cells), _edges(pilot[:, 1], y0, y1, cells)
+    x_edges = _edges(pilot[:, 0], x0, x1, cells, sampler.breaks[0])
+    y_edges = _edges(pilot[:, 1], y0, y1, cells, sampler.breaks[1])
     expected = integrate(sampler.density, x_edges, y_edges)
     points = sampler.sample(n, np.random.default_rng([seed, 1]))
     points = points[np.isfinite(points[:, 0])]
@@ -70,11 +73,12 @@ def examine(sampler: Sampler, n: int, seed: int, cells: int = 24) -> Outcome:
     return Outcome(sampler.name, mass, float(chi2.sf(statistic, counts.size - 1)), counts.size)
 
 
-def _edges(values: Floats, low: float, high: float, cells: int) -> Floats:
+def _edges(values: Floats, low: float, high: float, cells: int, breaks: Sequence[float]) -> Floats:
     """Quantiles, and a little beyond the extremes: quadrature would not find a lobe at the end of a wide cell."""
     inner = np.quantile(values, np.concatenate([[0.0, 0.001], np.arange(1, cells) / cells, [0.999, 1.0]]))
     margin = 0.02 * (inner[-1] - inner[0])
     inner = np.concatenate([[inner[0] - margin], inner[1:-1], [inner[-1] + margin]])
+    inner = np.concatenate([inner, np.asarray(breaks, dtype=float)])
     return np.unique(np.concatenate([[low], inner[(inner > low) & (inner < high)], [high]]))
 
 

@@ -9,8 +9,9 @@ from card import Figure, Table
 from numpy.typing import NDArray
 from render_chi2 import ALPHA, examine, integrate, significance
 from render_lanes import over_lanes
+from render_light_samplers import samplers as light_samplers
 from render_matrices import KINDS, least_eigenvalue, random_matrices
-from render_samplers import ROUGHNESSES, Sampler, lobes, towards, view
+from render_samplers import ROUGHNESSES, lobes, towards, view
 
 from reflectance_fit.render.lobes import fresnel, ggx, plastic
 
@@ -79,15 +80,15 @@ def base(eta: Floats, v: Floats, l: Floats) -> Floats:
     return over_lanes(plastic.diffuse_value, t_v, t_l, l[2], 0.5)
 
 
-def samplers(kinds: Iterator[Sampler] | None = None) -> Iterator[Figure | Table]:
-    """Chi-square of every sampler, and what its density integrates to."""
-    every = list(lobes() if kinds is None else kinds)
+def samplers() -> Iterator[Figure | Table]:
+    """Chi-square of every sampler of the renderer, and what its density integrates to."""
+    every = [*lobes(), *light_samplers()]
     limit = significance(len(every))
     outcomes = [examine(one, SAMPLES, seed) for seed, one in enumerate(every)]
     least = min(outcomes, key=lambda one: one.p_value)
-    failed = sum(one.p_value < limit for one in outcomes)
+    failed = sum(not one.p_value >= limit for one in outcomes)
     yield Figure.judged(
-        f"chi-square: samplers of surfaces that fail, of {len(every)}; {SAMPLES:,} samples each, alpha {ALPHA}, Sidak",
+        f"chi-square: samplers that fail, of {len(every)}; {SAMPLES:,} samples each, alpha {ALPHA}, Sidak",
         f"{failed}; least p {least.p_value:.1e} ({least.name})",
         f"0, p >= {limit:.1e}",
         failed == 0,
@@ -97,7 +98,7 @@ def samplers(kinds: Iterator[Sampler] | None = None) -> Iterator[Figure | Table]
         "largest integral of a density", f"{most.mass:.6f} ({most.name})", "1 + 1e-4", most.mass <= 1.0 + 1e-4
     )
     rows = ((o.name, f"{o.mass:.6f}", f"{o.p_value:.3f}", str(o.cells)) for o in outcomes)
-    yield Table("Samplers of surfaces", ("sampler", "integral of density", "p", "cells"), tuple(rows))
+    yield Table("Samplers", ("sampler", "integral of density", "p", "cells"), tuple(rows))
 
 
 def weak_furnace() -> Iterator[Figure]:

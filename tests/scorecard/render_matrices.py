@@ -47,7 +47,8 @@ def matrix(
         a, b, c = over_lanes(fresnel.dielectric_transmission, cosine, eta)
         block = np.stack([a, b, c, np.zeros(n)])
     for i, row in enumerate(np.eye(4)):
-        r1, r2, *s = over_lanes(mueller.into_plane, row[1], row[2], *axis, *v, *normal)
+        s = over_lanes(mueller.across, *v, *normal, *axis)
+        r1, r2 = over_lanes(mueller.turn, row[1], row[2], *over_lanes(mueller.double_angle, *axis, *s, *v))
         if kind == "plastic's base":
             a_l, b_l, _ = over_lanes(fresnel.dielectric_transmission, l[2], eta)
             r0, r1 = over_lanes(plastic.diffuse_rows, row[0], r1, block[0], block[1], a_l, b_l)

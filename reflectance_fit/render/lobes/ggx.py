@@ -44,12 +44,6 @@ def g1(alpha: float, z: float) -> float:
 
 
 @vectorised
-def g2(alpha: float, vz: float, lz: float) -> float:
-    """The part that both of two directions on one side see, height-correlated."""
-    return like(2.0, vz) * vz * lz / (vz * stretched(alpha, lz) + lz * stretched(alpha, vz))
-
-
-@vectorised
 def sample_visible(
     alpha: float, vx: float, vy: float, vz: float, u1: float, u2: float
 ) -> tuple[float, float, float]:
@@ -109,7 +103,7 @@ def reflection_pdf(alpha: float, vz: float, d: float) -> float:
 
 @vectorised
 def reflection_value(alpha: float, vz: float, lz: float, d: float) -> float:
-    """D G2 / (4 v_z); 0 where l is below the horizon.  BRDF times cosine, but for Fresnel."""
+    """D G2 / (4 v_z), G2 height-correlated; 0 where l is below the horizon.  BRDF times cosine, but for Fresnel."""
     z, two = max(lz, like(0.0, lz)), like(2.0, lz)
     return d * z / max(two * (vz * stretched(alpha, z) + z * stretched(alpha, vz)), like(1e-18, lz))
 
