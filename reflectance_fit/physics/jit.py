@@ -134,7 +134,12 @@ def tracer(function: Function) -> Function:
 def stage(function: Function) -> Function:
     """A part of a ``tracer``, with loops over lanes; called from kernels only."""
     return _compile(
-        function, cache=False, no_cpython_wrapper=True, forceinline=True, fastmath=_FAST, pipeline_class=_PartCompiler
+        function,
+        cache=False,
+        no_cpython_wrapper=True,
+        forceinline=True,
+        fastmath=_FAST,
+        pipeline_class=_PartCompiler,
     )
 
 

@@ -24,7 +24,14 @@ def standard_error(total: Floats, squares: Floats, groups: int) -> Floats:
 
 
 def develop(
-    scene: Scene, settings: Settings, packed: Packed, total: Floats, squares: Floats, groups: int, size: int, discarded: int
+    scene: Scene,
+    settings: Settings,
+    packed: Packed,
+    total: Floats,
+    squares: Floats,
+    groups: int,
+    size: int,
+    discarded: int,
 ) -> Film:
     """Means and errors by channel and Stokes component; what stands for three channels is repeated."""
     rows = max(len(packed.has.rows), 1)

@@ -13,6 +13,7 @@ from reflectance_fit.render.kernels import camera as view
 from reflectance_fit.render.kernels import lanes
 from reflectance_fit.render.pack_lights import lamps_of
 from reflectance_fit.render.pack_materials import Looks, look
+from reflectance_fit.render.pack_pictures import sky_of, textures_of
 from reflectance_fit.render.scene import (
     AreaLight,
     Camera,
@@ -63,7 +64,10 @@ def pack(scene: Scene, settings: Settings) -> Packed:
             words = np.zeros(lanes.SHAPE_IDS, np.uint32)
             words[lanes.OF_KIND], words[lanes.OF_LIGHT] = lanes.LAMP, number
             bodies.append((light.shape, words, np.zeros(5)))
-    order = [[k for k, body in enumerate(bodies) if isinstance(body[0], kind)] for kind in (Sphere, Rectangle, Disk, Plane)]
+    order = [
+        [k for k, body in enumerate(bodies) if isinstance(body[0], kind)]
+        for kind in (Sphere, Rectangle, Disk, Plane)
+    ]
     sorted_bodies = [bodies[k] for kind in order for k in kind]
     shape_of_light = {
         int(words[lanes.OF_LIGHT]): place
@@ -79,15 +83,33 @@ def pack(scene: Scene, settings: Settings) -> Packed:
         shape_ids[place] = words
 
     lamps, lamp_ids = lamps_of(scene, curves, origin, shape_of_light)
-    rows = curves.array()
-    repeat = 1 if settings.mode == "scalar" else 3
-    if rows.shape[1] == 3 and np.all(rows == rows[:, :1]):
-        rows = rows[:, :1]
-    elif repeat == 3:
-        repeat = 1
     spectral = settings.mode in colour.SPECTRAL
-    channels = 4 if spectral else rows.shape[1]
+    counts = np.zeros(lanes.COUNTS, np.int64)
+    counts[: lanes.SAMPLED] = [len(kind) for kind in order]
     sampled = [light for light in scene.lights if not isinstance(light, ConstantEnvironment)]
+    counts[lanes.SAMPLED] = len(sampled)
+    paint, paint_ids = textures_of(looks.textures, settings.mode)
+    sky, sky_ids = [np.zeros(1)], [np.zeros(1, np.uint32)]
+    for number, light in enumerate(sampled):
+        if isinstance(light, ImageEnvironment):
+            height, width = light.pixels.shape[:2]
+            counts[[lanes.SKY_WIDTH, lanes.SKY_HEIGHT, lanes.SKY_LAMP]] = width, height, number
+            sky, sky_ids = sky_of(light, settings.mode)
+    pictures = bool(looks.textures) or counts[lanes.SKY_WIDTH] > 0
+    spectra = np.zeros(1)
+    if spectral:
+        spectra = np.concatenate(
+            [colour.wavelength_quantiles(lanes.QUANTILES), colour.observer().rgb.ravel()]
+        )
+        for k in range(3):
+            counts[lanes.PRIMARIES + k] = curves.add(colour.basis(settings.mode)[k])
+            counts[lanes.SKY_PRIMARIES + k] = curves.add(colour.basis(settings.mode, light=True)[k])
+    rows = curves.array()
+    repeat = 1
+    if rows.shape[1] == 3 and not pictures and np.all(rows == rows[:, :1]):
+        # Without colours one channel stands for all three.
+        rows, repeat = rows[:, :1], 3
+    channels = 4 if spectral else rows.shape[1]
     kinds = set(shape_ids[: len(bodies), lanes.OF_KIND].tolist())
     analyzed = scene.camera.analyzer_deg is not None
 
@@ -104,15 +126,14 @@ def pack(scene: Scene, settings: Settings) -> Packed:
         points=flag(any(isinstance(light, PointLight | DirectionalLight) for light in sampled)),
         image=flag(any(isinstance(light, ImageEnvironment) for light in sampled)),
         polarized=flag(polarized and any(light.polarization.is_polarized for light in scene.lights)),
-        smooth=flag(bool(kinds & {lanes.GLASS, lanes.MIRROR})),
+        smooth=flag(bool(kinds & {lanes.GLASS, lanes.MIRROR, lanes.ROUGH_GLASS})),
         rough=flag(bool(kinds & {lanes.ROUGH_MIRROR, lanes.ROUGH_GLASS})),
         coat=flag(lanes.COAT in kinds),
         sheets=flag(bool(kinds & {lanes.POLARIZER, lanes.RETARDER})),
-        textures=(),
+        textures=flag(bool(looks.textures)),
         dispersive=flag(looks.dispersive and channels > 1),
         approximate=(0,) * {"exact": 0, "large_index": 2, "lazanyi": 3}.get(settings.fresnel, 1),
     )
-    counts = np.array([*(len(kind) for kind in order), len(sampled), 0], np.int64)
     dtype = np.float32 if settings.precision == "single" else np.float64
 
     def as_numbers(array: Floats) -> NDArray[np.floating]:
@@ -125,6 +146,11 @@ def pack(scene: Scene, settings: Settings) -> Packed:
         lamp_ids=lamp_ids.ravel(),
         curves=as_numbers(rows),
         camera=as_numbers(_camera(scene.camera, origin, polarized)),
+        spectra=as_numbers(spectra),
+        paint=as_numbers(paint),
+        paint_ids=paint_ids.ravel(),
+        sky=as_numbers(np.concatenate(sky)),
+        sky_ids=np.concatenate(sky_ids),
         counts=counts,
     )
     return Packed(has, tables, repeat)

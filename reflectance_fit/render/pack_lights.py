@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from reflectance_fit.render import colour
 from reflectance_fit.render.kernels import lanes
+from reflectance_fit.render.pack_pictures import alias_table
 from reflectance_fit.render.scene import (
     AreaLight,
     ConstantEnvironment,
@@ -34,6 +35,8 @@ def lamps_of(
     around = [light for light in scene.lights if isinstance(light, ConstantEnvironment)]
     if len(around) > 1:
         raise ValueError("a scene has one constant environment at most; add up their radiances")
+    if sum(isinstance(light, ImageEnvironment) for light in sampled) > 1:
+        raise ValueError("a scene has one picture of its surroundings at most")
     rows = np.zeros((len(sampled) + 1, lanes.LAMPS))
     ids = np.zeros((len(sampled) + 1, lanes.LAMP_IDS), np.uint32)
     powers = np.zeros(len(sampled))
@@ -59,22 +62,6 @@ def lamps_of(
     return rows, ids
 
 
-def alias_table(chosen: Floats) -> tuple[Floats, Words]:
-    """For each cell, the share that it keeps and the entry that gets the rest (Walker 1977, Vose 1991)."""
-    count = chosen.size
-    keep, other = chosen * count, np.arange(count, dtype=np.uint32)
-    small, large = [k for k in range(count) if keep[k] < 1.0], [k for k in range(count) if keep[k] >= 1.0]
-    while small and large:
-        poor, rich = small.pop(), large[-1]
-        other[poor] = rich
-        keep[rich] -= 1.0 - keep[poor]
-        if keep[rich] < 1.0:
-            small.append(large.pop())
-    # What rounding left over: alone in its cell.
-    keep[[*small, *large]] = 1.0
-    return keep, other
-
-
 def _fill(light: Light, row: Floats, words: Words, curves: colour.Curves, origin: Floats) -> float:
     """Writes a light's row; its power, 0 where that depends on how large the scene is."""
     match light:
@@ -83,13 +70,19 @@ def _fill(light: Light, row: Floats, words: Words, curves: colour.Curves, origin
             row[:3] = np.asarray(light.position) - origin
             return 4.0 * math.pi * _mean(curves, words)
         case DirectionalLight():
-            words[lanes.LAMP_KIND], words[lanes.LAMP_CURVE] = lanes.DIRECTIONAL, curves.emission(light.irradiance)
+            words[lanes.LAMP_KIND], words[lanes.LAMP_CURVE] = (
+                lanes.DIRECTIONAL,
+                curves.emission(light.irradiance),
+            )
             direction = np.asarray(light.direction, dtype=np.float64)
             row[:3] = -direction / np.linalg.norm(direction)
             return 0.0
         case AreaLight():
             words[lanes.LAMP_CURVE] = curves.emission(light.radiance)
             return _area(light.shape, row, words, origin) * math.pi * _mean(curves, words)
+        case ImageEnvironment():
+            words[lanes.LAMP_KIND] = lanes.IMAGE
+            return 0.0
     raise ValueError(f"{type(light).__name__} is no light that the renderer knows")
 
 
@@ -119,6 +112,8 @@ def _mean(curves: colour.Curves, words: Words) -> float:
 
 
 def _polarize(light: Light, row: Floats) -> None:
-    row[lanes.POLARIZED : lanes.POLARIZED + 3] = np.asarray(light.polarization.stokes[1:]) / light.polarization.stokes[0]
+    row[lanes.POLARIZED : lanes.POLARIZED + 3] = (
+        np.asarray(light.polarization.stokes[1:]) / light.polarization.stokes[0]
+    )
     axis = np.asarray(light.polarization.axis, dtype=np.float64)
     row[lanes.AXIS : lanes.AXIS + 3] = axis / np.linalg.norm(axis)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from reflectance_fit.physics.fitted_approximations import lazanyi_coefficients
 from reflectance_fit.physics.fresnel import r0, reflectances
 from reflectance_fit.render import colour
 from reflectance_fit.render.kernels import lanes
+from reflectance_fit.render.lobes import plastic
 from reflectance_fit.render.scene import (
     Conductor,
     Dielectric,
@@ -23,6 +24,7 @@ from reflectance_fit.render.scene import (
     Spectrum,
     Surface,
     Texture,
+    constant,
 )
 from reflectance_fit.render.settings import Fresnel
 
@@ -41,6 +43,7 @@ class Looks:
     exterior_ior: float
     fresnel: Fresnel
     dispersive: bool = False
+    textures: list[Texture] = field(default_factory=list)
 
     def index(self, spectrum: Spectrum) -> Floats:
         """Relative to the exterior, shape (C,)."""
@@ -55,7 +58,11 @@ def look(surface: Surface, looks: Looks) -> tuple[Words, Floats]:
     match material:
         case Lambertian():
             words[lanes.OF_KIND] = lanes.DIFFUSE
-            if not isinstance(material.reflectance, Texture):
+            if isinstance(material.reflectance, Texture):
+                looks.textures.append(material.reflectance)
+                words[lanes.OF_TEXTURE] = len(looks.textures)
+                words[lanes.OF_COLOUR] = looks.curves.add(looks.index(constant(1.0)))
+            else:
                 words[lanes.OF_COLOUR] = looks.curves.reflectance(material.reflectance)
         case Dielectric():
             words[lanes.OF_KIND] = lanes.ROUGH_GLASS if material.roughness > 0 else lanes.GLASS
@@ -63,6 +70,9 @@ def look(surface: Surface, looks: Looks) -> tuple[Words, Floats]:
             looks.dispersive |= bool(np.ptp(eta) > 0)
             _interface(words, looks, eta, np.zeros_like(eta))
             numbers[0] = max(material.roughness, _SMALLEST_ALPHA)
+            if np.all(eta == 1.0):
+                # No interface at all: facets would pass light straight on.
+                words[lanes.OF_KIND] = lanes.GLASS
         case Conductor():
             words[lanes.OF_KIND] = lanes.ROUGH_MIRROR if material.roughness > 0 else lanes.MIRROR
             _interface(words, looks, looks.index(material.eta), looks.index(material.k))
@@ -71,16 +81,20 @@ def look(surface: Surface, looks: Looks) -> tuple[Words, Floats]:
             words[lanes.OF_KIND] = lanes.COAT
             eta = looks.index(material.eta)
             _interface(words, looks, eta, np.zeros_like(eta))
-            words[lanes.OF_COLOUR] = looks.curves.reflectance(material.reflectance)
-            numbers[0] = max(material.roughness, _SMALLEST_ALPHA) if material.roughness > 0 else 0.0
+            rho = colour.reflectance(material.reflectance, looks.curves.mode, looks.curves.channels_nm)
+            alpha = max(material.roughness, _SMALLEST_ALPHA) if material.roughness > 0 else 0.0
+            factor = plastic.base_factor(rho, eta, alpha)
+            words[lanes.OF_COLOUR] = looks.curves.add(factor)
+            through = np.square(eta) * (1.0 - plastic.internal_reflectance(eta))
+            numbers[:3] = alpha, float(factor.mean()), float(through.mean())
         case PolarizerSheet():
             words[lanes.OF_KIND] = lanes.POLARIZER
-            double = 2.0 * math.radians(material.axis_deg)
-            numbers[1:4] = math.cos(double), math.sin(double), material.diattenuation
+            axis = math.radians(material.axis_deg)
+            numbers[1:4] = math.cos(axis), math.sin(axis), material.diattenuation
         case RetarderSheet():
             words[lanes.OF_KIND] = lanes.RETARDER
-            double, retardance = (math.radians(a) for a in (2.0 * material.fast_axis_deg, material.retardance_deg))
-            numbers[1:] = math.cos(double), math.sin(double), math.cos(retardance), math.sin(retardance)
+            axis, retardance = math.radians(material.fast_axis_deg), math.radians(material.retardance_deg)
+            numbers[1:] = math.cos(axis), math.sin(axis), math.cos(retardance), math.sin(retardance)
     return words, numbers
 
 

@@ -104,7 +104,10 @@ def render(
                 for job, future in zip(jobs, found, strict=True):
                     film, lost = future.result()
                     discarded += lost
-                    lines, columns = slice(job.top, job.top + job.height), slice(job.left, job.left + job.width)
+                    lines, columns = (
+                        slice(job.top, job.top + job.height),
+                        slice(job.left, job.left + job.width),
+                    )
                     total[lines, columns] += film.sum(axis=0)
                     squares[lines, columns] += np.sum(film**2, axis=0)
                     pixels += job.width * job.height * job.groups

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from render_chi2 import Sampler
 from render_lanes import over_lanes
 
-from reflectance_fit.render.lobes import diffuse, fresnel, ggx
+from reflectance_fit.render.lobes import diffuse, fresnel, ggx, plastic
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +25,8 @@ def towards(z: Floats, phi: Floats) -> Floats:
     return np.stack([radius * np.cos(phi), radius * np.sin(phi), z])
 
 
-def view(cosine: float, phi: float = 0.4) -> Floats:
+def view(cosine: float, phi: float = -2.7) -> Floats:
+    """Where lobes come from, so that they go to the middle of the azimuths."""
     return towards(np.asarray(cosine), np.asarray(phi))
 
 
@@ -95,6 +96,24 @@ def cosine_lobe() -> Sampler:
     return Sampler("cosine", sample, lambda z, phi: z / np.pi, UPPER)
 
 
+def plastic_mixture(alpha: float, cosine: float, reflectance: float) -> Sampler:
+    """Coat and base of glossy plastic, chosen by what comes back."""
+    eta = 1.5
+    f, _ = _reflectance(np.array([cosine]), eta)
+    through = eta**2 * (1.0 - plastic.internal_reflectance(eta))
+    factor = plastic.base_factor(reflectance, eta, alpha)
+    chance = float(over_lanes(plastic.choose_specular, f, 1.0 - f, factor, through)[0])
+    coat, base = reflection(alpha, cosine), cosine_lobe()
+
+    def sample(n: int, rng: np.random.Generator) -> Floats:
+        return np.where(rng.random((n, 1)) < chance, coat.sample(n, rng), base.sample(n, rng))
+
+    def density(z: Floats, phi: Floats) -> Floats:
+        return chance * coat.density(z, phi) + (1.0 - chance) * base.density(z, phi)
+
+    return Sampler(f"plastic, alpha {alpha}, cosine {cosine}, base {reflectance}", sample, density, UPPER)
+
+
 def lobes() -> Iterator[Sampler]:
     """Every sampler of a surface."""
     yield cosine_lobe()
@@ -107,3 +126,6 @@ def lobes() -> Iterator[Sampler]:
         for alpha in ROUGHNESSES:
             for cosine in COSINES:
                 yield transmission(alpha, cosine, eta)
+    for alpha in ROUGHNESSES:
+        for cosine in COSINES:
+            yield plastic_mixture(alpha, cosine, 0.5)

@@ -8,6 +8,7 @@ import numpy as np
 
 from reflectance_fit.physics.jit import stage
 from reflectance_fit.render.kernels.lanes import (
+    ALONE,
     AX,
     AY,
     AZ,
@@ -18,7 +19,6 @@ from reflectance_fit.render.kernels.lanes import (
     DX,
     DY,
     DZ,
-    Has,
     KEY,
     LANES,
     LEFT,
@@ -27,8 +27,12 @@ from reflectance_fit.render.kernels.lanes import (
     OX,
     OY,
     OZ,
+    QUANTILES,
     SAMPLE,
+    SHARE,
     SQUEEZE,
+    WAVE,
+    Has,
     Tables,
     components,
     gathered,
@@ -46,7 +50,7 @@ AT, AXIS, MOVE_X, MOVE_Y, TURN_X, TURN_Y, RIGHT, STEP, FIRST_ROWS = 0, 3, 6, 9, 
 
 
 @stage
-def begin(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # noqa: E741
+def begin(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
     """New rays where DEPTH is 0, which becomes 1."""
     camera = tables.camera
     zero, one, two = like(0.0, F[0]), like(1.0, F[0]), like(2.0, F[0])
@@ -82,6 +86,19 @@ def begin(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # no
             F[AX + j] = sel(new, rx - (dx + camera[AXIS]) * share, F[AX + j])
             F[AY + j] = sel(new, ry - (dy + camera[AXIS + 1]) * share, F[AY + j])
             F[AZ + j] = sel(new, rz - (dz + camera[AXIS + 2]) * share, F[AZ + j])
+        if len(has.spectral) > 0:
+            hero, _ = pair(has.sobol, I[KEY + j], I[SAMPLE + j], u32(1), one)
+            cells = like(QUANTILES, one)
+            for c in range(len(has.channels)):
+                u = hero + like(0.25 * c, one)
+                u = sel(u >= one, u - one, u) * cells
+                cell = np.int32(u)
+                low, high = tables.spectra[u32(cell)], tables.spectra[u32(cell + np.int32(1))]
+                k = c * LANES + j
+                F[WAVE + k] = sel(new, low + (u - like(cell, one)) * (high - low), F[WAVE + k])
+                # One over the density, and over the number of wavelengths.
+                F[SHARE + k] = sel(new, (high - low) * cells * like(0.25, one), F[SHARE + k])
+            F[ALONE + j] = sel(new, zero, F[ALONE + j])
         I[LEFT + j] = sel(new, u32(NOTHING), I[LEFT + j])
         I[DEPTH + j] = sel(new, u32(1), I[DEPTH + j])
         for c in range(len(has.channels)):

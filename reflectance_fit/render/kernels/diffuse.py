@@ -14,11 +14,11 @@ from reflectance_fit.render.kernels.lanes import (
     DENSITY,
     DEPTH,
     DIFFUSE,
+    DRAWS,
     DX,
     DY,
     DZ,
     EMIT,
-    Has,
     KEY,
     KIND,
     LANES,
@@ -36,6 +36,7 @@ from reflectance_fit.render.kernels.lanes import (
     SEEN,
     SHAPE_IDS,
     SQUEEZE,
+    Has,
     Tables,
     components,
     gathered,
@@ -50,7 +51,7 @@ u32 = np.uint32
 
 
 @stage
-def diffuse(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # noqa: E741
+def diffuse(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
     """Light from the sampled light, and a new direction in proportion to its cosine."""
     zero, one = like(0.0, F[0]), like(1.0, F[0])
     over_pi = like(1.0 / math.pi, one)
@@ -69,7 +70,7 @@ def diffuse(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # 
             weight = sel(here, weight, zero)
             if len(has.smooth) > 0:
                 weight = weight * F[SQUEEZE + j]
-        a, b = pair(has.sobol, I[KEY + j], I[SAMPLE + j], u32(u32(I[DEPTH + j] * u32(4)) + u32(1)), one)
+        a, b = pair(has.sobol, I[KEY + j], I[SAMPLE + j], u32(u32(I[DEPTH + j] * u32(DRAWS)) + u32(1)), one)
         cos, sin = cos_sin_turn(b)
         radius, up = math.sqrt(a), math.sqrt(one - a)
         sx, sy, sz, tx, ty, tz = frame(nx, ny, nz)

@@ -22,7 +22,6 @@ from reflectance_fit.render.kernels.lanes import (
     EDGE_U,
     EDGE_V,
     FAR,
-    Has,
     KIND,
     LANES,
     LEFT,
@@ -52,6 +51,7 @@ from reflectance_fit.render.kernels.lanes import (
     SHAPE_IDS,
     STATE,
     TARGET,
+    Has,
     Tables,
 )
 from reflectance_fit.render.lobes.select import like, sel
@@ -78,7 +78,7 @@ def _to_sphere(
 
 
 @stage
-def closest(has: Has, F: Floats, I: Words, tables: Tables) -> None:  # noqa: E741
+def closest(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """The nearest shape on each ray, MET, and its distance, FAR; NOTHING and infinity where there is none."""
     shapes, counts = tables.shapes, tables.counts
     zero, one, inf = like(0.0, F[0]), like(1.0, F[0]), like(np.inf, F[0])
@@ -121,7 +121,7 @@ def closest(has: Has, F: Floats, I: Words, tables: Tables) -> None:  # noqa: E74
 
 
 @stage
-def shadow(has: Has, F: Floats, I: Words, tables: Tables) -> None:  # noqa: E741
+def shadow(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """SEEN: 1 where nothing but sheets lies between the point met and the sampled light, else 0."""
     shapes, shape_ids, counts = tables.shapes, tables.shape_ids, tables.counts
     zero, one = like(0.0, F[0]), like(1.0, F[0])
@@ -164,7 +164,7 @@ def shadow(has: Has, F: Floats, I: Words, tables: Tables) -> None:  # noqa: E741
 
 
 @stage
-def meet(has: Has, F: Floats, I: Words, tables: Tables) -> None:  # noqa: E741
+def meet(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """The point met, moved onto the shape, its outward normal and KIND, MISS without one."""
     shapes, shape_ids = tables.shapes, tables.shape_ids
     one, zero = like(1.0, F[0]), like(0.0, F[0])

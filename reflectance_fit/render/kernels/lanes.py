@@ -35,14 +35,17 @@ EMIT = 38 * _B
 ALONE = 42 * _B
 # What a texture shows.
 PAINT = 43 * _B
+# Stokes vector of the sampled light over S0, behind sheets.
+STATE_1, STATE_2, STATE_3 = 47 * _B, 48 * _B, 49 * _B
 # Rows: channel by channel, row by row, component by component; then what they gathered.
-ROWS = 47 * _B
+ROWS = 50 * _B
 
 # What a surface makes of the lanes in LIST, side by side, before it goes back to them: direction, normal or axis,
 # density, squeeze, and for each channel a factor or the block of a Mueller matrix (or whole rows).
 QX, QY, QZ, QA, QB, QC, Q_DENSITY, Q_SQUEEZE, Q_ALONE = (k * _B for k in range(9))
 Q_FACTOR = 9 * _B
-QUEUE = (9 + 4 * 4 * 4 + 16) * _B
+Q_LIGHT = (9 + 4 * 4 * 4) * _B
+QUEUE = (9 + 4 * 4 * 4 + 4 * 4) * _B
 
 # Integers: pixel, its number in the tile, keys of random numbers, rays so far, state,
 STATE, COLUMN, LINE, SLOT, KEY, SAMPLE, DEPTH = (k * _B for k in range(7))
@@ -50,7 +53,13 @@ STATE, COLUMN, LINE, SLOT, KEY, SAMPLE, DEPTH = (k * _B for k in range(7))
 MET, LEFT, KIND, LIGHT, TARGET, LIST = (k * _B for k in range(7, 13))
 INTEGERS = 13 * _B
 
+# Cells of equal chance from which wavelengths are drawn.
+QUANTILES = 256
+
 RUNNING, DONE, IDLE = 0, 1, 2
+
+# Pairs of random numbers for each ray of a path: light, direction, choices, roulette, and two for a picture of the surroundings.
+DRAWS = 6
 
 NOTHING = 0xFFFFFFFF
 # What a ray can meet.
@@ -103,7 +112,20 @@ class Tables(NamedTuple):
     lamp_ids: Any
     curves: Any
     camera: Any
-    counts: Any  # spheres, rectangles, disks, planes, lamps, curve of the surroundings
+    spectra: Any  # quantiles of the wavelengths, and the observer's three curves
+    paint: Any  # pixels of textures
+    paint_ids: Any  # for each its first number, width and height
+    sky: Any  # picture of the surroundings: see ``sky``
+    sky_ids: Any
+    counts: Any
+
+
+# Entries of ``counts``: shapes of each kind, lights that are sampled, the picture's size and its light, and the curves that
+# three primaries stand for, of surfaces and of the surroundings.
+SPHERES, RECTANGLES, DISKS, PLANES, SAMPLED, SKY_WIDTH, SKY_HEIGHT, SKY_LAMP, PRIMARIES, SKY_PRIMARIES = (
+    0, 1, 2, 3, 4, 5, 6, 7, 8, 11,
+)  # fmt: skip
+COUNTS = 14
 
 
 def floats(has: Has) -> int:

@@ -9,7 +9,6 @@ import numpy as np
 from reflectance_fit.physics.jit import stage
 from reflectance_fit.render.kernels.lanes import (
     AX,
-    AXIS,
     AY,
     AZ,
     BALL,
@@ -17,6 +16,7 @@ from reflectance_fit.render.kernels.lanes import (
     DENSITY,
     DEPTH,
     DIRECTIONAL,
+    DRAWS,
     DX,
     DY,
     DZ,
@@ -24,16 +24,16 @@ from reflectance_fit.render.kernels.lanes import (
     FAR,
     HALF_U,
     HALF_V,
-    Has,
+    IMAGE,
     KEEP,
     KEY,
     KIND,
     LAMP,
-    LAMPS,
     LAMP_ALIAS,
     LAMP_CURVE,
     LAMP_IDS,
     LAMP_SHAPE,
+    LAMPS,
     LANES,
     LIGHT,
     LIT,
@@ -50,26 +50,29 @@ from reflectance_fit.render.kernels.lanes import (
     OY,
     OZ,
     POINT,
-    POLARIZED,
     PX,
     PY,
     PZ,
     REACH,
     ROUND,
     SAMPLE,
+    SAMPLED,
     SHAPE_IDS,
     SIZE,
+    SKY_PRIMARIES,
     SQUEEZE,
     TARGET,
     TURNED,
+    Has,
     Tables,
     gathered,
     row,
     row_count,
 )
+from reflectance_fit.render.kernels.polarization import polarized
 from reflectance_fit.render.kernels.random import pair
-from reflectance_fit.render.kernels.values import frame, power_heuristic, value
-from reflectance_fit.render.lobes.mueller import double_angle, turn
+from reflectance_fit.render.kernels.sky import sky_sample
+from reflectance_fit.render.kernels.values import frame, primaries, value
 from reflectance_fit.render.lobes.select import cos_sin_turn, like, sel
 
 u32 = np.uint32
@@ -83,12 +86,12 @@ def cone(sin2: float) -> float:
 
 
 @stage
-def choose(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # noqa: E741
+def choose(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
     """One light for each lane, by an alias table of their powers."""
     one = like(1.0, F[0])
-    count = like(tables.counts[4], one)
+    count = like(tables.counts[SAMPLED], one)
     for j in range(LANES):
-        u, _ = pair(has.sobol, I[KEY + j], I[SAMPLE + j], u32(u32(I[DEPTH + j] * u32(4)) + u32(2)), one)
+        u, _ = pair(has.sobol, I[KEY + j], I[SAMPLE + j], u32(u32(I[DEPTH + j] * u32(DRAWS)) + u32(2)), one)
         x = u * count
         cell = np.int32(x)
         keep = tables.lamps[u32(u32(u32(cell) * u32(LAMPS)) + u32(KEEP))]
@@ -97,7 +100,7 @@ def choose(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # n
 
 
 @stage
-def sample(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # noqa: E741
+def sample(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
     """A direction towards a light from the point met; its radiance over the density, which is of solid angle."""
     lamps, lamp_ids = tables.lamps, tables.lamp_ids
     zero, one, two, inf = like(0.0, F[0]), like(1.0, F[0]), like(2.0, F[0]), like(np.inf, F[0])
@@ -114,14 +117,26 @@ def sample(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # n
         reach, lit, strength = one, zero, zero
         lx, ly, lz = x, y, z
         if len(has.area) > 0:
-            a, b = pair(has.sobol, I[KEY + j], I[SAMPLE + j], u32(I[DEPTH + j] * u32(4)), one)
+            a, b = pair(has.sobol, I[KEY + j], I[SAMPLE + j], u32(I[DEPTH + j] * u32(DRAWS)), one)
             cos, sin = cos_sin_turn(b)
             radius = math.sqrt(a)
             round_ = kind == u32(ROUND)
             p, q = sel(round_, radius * cos, two * a - one), sel(round_, radius * sin, two * b - one)
-            nx, ny, nz = lamps[u32(g + u32(TURNED))], lamps[u32(g + u32(TURNED + 1))], lamps[u32(g + u32(TURNED + 2))]
-            ux, uy, uz = lamps[u32(g + u32(HALF_U))], lamps[u32(g + u32(HALF_U + 1))], lamps[u32(g + u32(HALF_U + 2))]
-            vx, vy, vz = lamps[u32(g + u32(HALF_V))], lamps[u32(g + u32(HALF_V + 1))], lamps[u32(g + u32(HALF_V + 2))]
+            nx, ny, nz = (
+                lamps[u32(g + u32(TURNED))],
+                lamps[u32(g + u32(TURNED + 1))],
+                lamps[u32(g + u32(TURNED + 2))],
+            )
+            ux, uy, uz = (
+                lamps[u32(g + u32(HALF_U))],
+                lamps[u32(g + u32(HALF_U + 1))],
+                lamps[u32(g + u32(HALF_U + 2))],
+            )
+            vx, vy, vz = (
+                lamps[u32(g + u32(HALF_V))],
+                lamps[u32(g + u32(HALF_V + 1))],
+                lamps[u32(g + u32(HALF_V + 2))],
+            )
             fx, fy, fz = x + p * ux + q * vx, y + p * uy + q * vy, z + p * uz + q * vz
             far2 = fx * fx + fy * fy + fz * fz
             reach = math.sqrt(far2)
@@ -158,45 +173,31 @@ def sample(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # n
             reach = sel(point, far2 * over, sel(sun, inf, reach))
             strength = sel(point, over * over, sel(sun, one, strength))
             lit = sel(point | sun, zero, lit)
+        picture, pixel = False, u32(0)
+        if len(has.image) > 0:
+            picture = kind == u32(IMAGE)
+            sx, sy, sz, density, pixel = sky_sample(has, I, tables, j, one)
+            lx, ly, lz = sel(picture, sx, lx), sel(picture, sy, ly), sel(picture, sz, lz)
+            reach, lit = sel(picture, inf, reach), sel(picture, density, lit)
+            strength = sel(picture, sel(density > zero, one / density, zero), strength)
         F[LX + j], F[LY + j], F[LZ + j] = lx, ly, lz
         F[REACH + j], F[LIT + j] = reach, lit * chosen
         strength = strength / chosen
         curve = lamp_ids[u32(w + u32(LAMP_CURVE))]
         for c in range(len(has.channels)):
-            F[EMIT + c * LANES + j] = strength * value(has, F, tables.curves, curve, c, j)
+            shone = value(has, F, tables.curves, curve, c, j)
+            if len(has.image) > 0:
+                shone = sel(picture, primaries(has, F, tables, tables.sky, pixel, SKY_PRIMARIES, c, j), shone)
+            F[EMIT + c * LANES + j] = strength * shone
         I[TARGET + j] = lamp_ids[u32(w + u32(LAMP_SHAPE))]
 
 
 @stage
-def polarized(
-    has: Has, F: np.ndarray, lamps: np.ndarray, g: int, dx: float, dy: float, dz: float,
-    ax: float, ay: float, az: float, r0: float, r1: float, r2: float, r3: float,
-) -> float:  # fmt: skip
-    """A row, of axis a and a ray along d, times the Stokes vector over S0 of the light whose numbers begin at g."""
-    if len(has.polarized) == 0:
-        return r0
-    zero, one, tiny = like(0.0, r0), like(1.0, r0), like(1e-12, r0)
-    bx, by, bz = lamps[u32(g + u32(AXIS))], lamps[u32(g + u32(AXIS + 1))], lamps[u32(g + u32(AXIS + 2))]
-    along = bx * dx + by * dy + bz * dz
-    bx, by, bz = bx - along * dx, by - along * dy, bz - along * dz
-    length2 = bx * bx + by * by + bz * bz
-    over = one / math.sqrt(max(length2, tiny))
-    cos, sin = double_angle(ax, ay, az, bx * over, by * over, bz * over, -dx, -dy, -dz)
-    r1, r2 = turn(r1, r2, cos, sin)
-    state = (
-        r1 * lamps[u32(g + u32(POLARIZED))]
-        + r2 * lamps[u32(g + u32(POLARIZED + 1))]
-        + r3 * lamps[u32(g + u32(POLARIZED + 2))]
-    )
-    return r0 + sel(length2 > tiny, state, zero)
-
-
-@stage
-def found(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # noqa: E741
+def found(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:
     """Radiance of the surroundings and of lights that rays meet, weighed against sampling them."""
-    lamps, lamp_ids, shapes = tables.lamps, tables.lamp_ids, tables.shapes
+    lamps, lamp_ids = tables.lamps, tables.lamp_ids
     zero, one, pi = like(0.0, F[0]), like(1.0, F[0]), like(math.pi, F[0])
-    background = u32(tables.counts[4])
+    background = u32(tables.counts[SAMPLED])
     around = lamp_ids[u32(u32(background * u32(LAMP_IDS)) + u32(LAMP_CURVE))]
     for j in range(LANES):
         missed = I[KIND + j] == u32(MISS)
@@ -206,7 +207,9 @@ def found(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # no
             met = I[KIND + j] == u32(LAMP)
             lamp = u32(0)
             if len(has.lamps) > 1:
-                lamp = tables.shape_ids[u32(u32(sel(met, I[MET + j], u32(0)) * u32(SHAPE_IDS)) + u32(OF_LIGHT))]
+                lamp = tables.shape_ids[
+                    u32(u32(sel(met, I[MET + j], u32(0)) * u32(SHAPE_IDS)) + u32(OF_LIGHT))
+                ]
                 lamp = sel(met, lamp, u32(0))
             g, w = u32(lamp * u32(LAMPS)), u32(lamp * u32(LAMP_IDS))
             size, chosen = lamps[u32(g + u32(SIZE))], lamps[u32(g + u32(CHOSEN))]
@@ -233,7 +236,7 @@ def found(has: Has, F: np.ndarray, I: np.ndarray, tables: Tables) -> None:  # no
                 seen = F[k + j]
                 if len(has.rows) > 0:
                     seen = polarized(
-                        has, F, lamps, u32(light * u32(LAMPS)), F[DX + j], F[DY + j], F[DZ + j],
+                        has, lamps, u32(light * u32(LAMPS)), F[DX + j], F[DY + j], F[DZ + j],
                         F[AX + j], F[AY + j], F[AZ + j],
                         seen, F[k + LANES + j], F[k + 2 * LANES + j], F[k + 3 * LANES + j],
                     )  # fmt: skip

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from reflectance_fit.physics.jit import stage, tracer
+from reflectance_fit.render.kernels.camera import begin
+from reflectance_fit.render.kernels.coat import coat
+from reflectance_fit.render.kernels.diffuse import diffuse
+from reflectance_fit.render.kernels.intersect import closest, meet, shadow
 from reflectance_fit.render.kernels.lanes import (
     BEYOND,
     COLUMN,
     DEPTH,
     DONE,
+    DRAWS,
     FAR,
-    Has,
     IDLE,
     KEY,
     KIND,
@@ -30,23 +32,31 @@ from reflectance_fit.render.kernels.lanes import (
     PX,
     PY,
     PZ,
+    QUANTILES,
+    RETARDER,
     RUNNING,
     SAMPLE,
+    SHARE,
     SLOT,
     STATE,
+    WAVE,
+    Has,
     Tables,
     components,
     gathered,
     row,
     row_count,
 )
-from reflectance_fit.render.kernels.camera import begin
-from reflectance_fit.render.kernels.diffuse import diffuse
-from reflectance_fit.render.kernels.intersect import closest, meet, shadow
 from reflectance_fit.render.kernels.lights import found, sample
 from reflectance_fit.render.kernels.queue import listed
 from reflectance_fit.render.kernels.random import mix, pair, prepared
+from reflectance_fit.render.kernels.rough import rough_metal
+from reflectance_fit.render.kernels.rough_glass import rough_glass
+from reflectance_fit.render.kernels.sheets import lit_through_sheets, sheet
+from reflectance_fit.render.kernels.sky import sky_found
 from reflectance_fit.render.kernels.smooth import smooth_glass, smooth_metal
+from reflectance_fit.render.kernels.texture import paint
+from reflectance_fit.render.kernels.values import FIRST_NM, POINTS, STEP_NM
 from reflectance_fit.render.lobes.select import like, sel
 
 u32 = np.uint32
@@ -56,7 +66,23 @@ _ROULETTE = 5
 
 
 @stage
-def retire(has: Has, F: np.ndarray, I: np.ndarray, film: np.ndarray, n: int) -> int:  # noqa: E741
+def _add_spectral(has: Has, F: np.ndarray, film: np.ndarray, tables: Tables, slot: int, j: int) -> None:
+    """What the wavelengths of one lane look like, in linear sRGB."""
+    rows = row_count(has)
+    for c in range(len(has.channels)):
+        x = (F[u32(u32(WAVE + c * LANES) + j)] - like(FIRST_NM, F[0])) * like(1.0 / STEP_NM, F[0])
+        cell = min(max(int(x), 0), POINTS - 2)
+        share = x - like(cell, x)
+        for k in range(3):
+            at = QUANTILES + 1 + k * POINTS + cell
+            seen = tables.spectra[at] + share * (tables.spectra[at + 1] - tables.spectra[at])
+            seen = seen * F[u32(u32(SHARE + c * LANES) + j)]
+            for r in range(rows):
+                film[slot * u32(3 * rows) + u32(k * rows + r)] += seen * F[u32(u32(gathered(has, c, r)) + j)]
+
+
+@stage
+def retire(has: Has, F: np.ndarray, I: np.ndarray, film: np.ndarray, tables: Tables, n: int) -> int:
     """Adds what the listed lanes gathered to their pixels; how many were not numbers and are left out."""
     discarded = 0
     size = len(has.channels) * row_count(has)
@@ -70,6 +96,9 @@ def retire(has: Has, F: np.ndarray, I: np.ndarray, film: np.ndarray, n: int) -> 
         if not (abs(total) < like(np.inf, total)):
             discarded += 1
             continue
+        if len(has.spectral) > 0:
+            _add_spectral(has, F, film, tables, I[u32(u32(SLOT) + j)], j)
+            continue
         for c in range(len(has.channels)):
             for r in range(row_count(has)):
                 film[u32(u32(slot) + u32(c * row_count(has) + r))] += F[u32(u32(gathered(has, c, r)) + j)]
@@ -77,7 +106,7 @@ def retire(has: Has, F: np.ndarray, I: np.ndarray, film: np.ndarray, n: int) -> 
 
 
 @stage
-def go_on(has: Has, F: np.ndarray, I: np.ndarray, deepest: int) -> None:  # noqa: E741
+def go_on(has: Has, F: np.ndarray, I: np.ndarray, deepest: int) -> None:
     """The next ray from where this one ended, unless it ended there for good; Russian roulette."""
     zero, one = like(0.0, F[0]), like(1.0, F[0])
     for j in range(LANES):
@@ -86,15 +115,16 @@ def go_on(has: Has, F: np.ndarray, I: np.ndarray, deepest: int) -> None:  # noqa
         largest = F[row(has, 0, 0, 0) + j]
         for c in range(1, len(has.channels)):
             largest = max(largest, F[row(has, c, 0, 0) + j])
-        u, _ = pair(has.sobol, I[KEY + j], I[SAMPLE + j], u32(u32(I[DEPTH + j] * u32(4)) + u32(3)), one)
-        stay = sel(I[DEPTH + j] < u32(_ROULETTE - 1), one, min(largest, one))
-        ended = (kind <= u32(LAMP)) | (I[DEPTH + j] >= u32(deepest)) | (u >= stay) | (largest <= zero)
+        u, _ = pair(has.sobol, I[KEY + j], I[SAMPLE + j], u32(u32(I[DEPTH + j] * u32(DRAWS)) + u32(3)), one)
+        # Sheets are no events of their own: they use no random number, and no length of the path.
+        straight = kind >= u32(POLARIZER) if len(has.sheets) > 0 else False
+        stay = sel((I[DEPTH + j] < u32(_ROULETTE - 1)) | straight, one, min(largest, one))
+        ended = (kind <= u32(LAMP)) | (u >= stay) | (largest <= zero)
         scale = one / max(stay, like(1e-30, one))
         for c in range(len(has.channels)):
             for r in range(row_count(has)):
                 for s in range(components(has)):
                     F[row(has, c, r, s) + j] = F[row(has, c, r, s) + j] * scale
-        straight = kind >= u32(POLARIZER) if len(has.sheets) > 0 else False
         F[OX + j] = sel(straight, F[OX + j], F[PX + j])
         F[OY + j] = sel(straight, F[OY + j], F[PY + j])
         F[OZ + j] = sel(straight, F[OZ + j], F[PZ + j])
@@ -110,7 +140,7 @@ def trace(
     has: Has,
     tables: Tables,
     F: np.ndarray,
-    I: np.ndarray,  # noqa: E741
+    I: np.ndarray,
     Q: np.ndarray,
     film: np.ndarray,
     left: int,
@@ -136,7 +166,7 @@ def trace(
     more = True
     while True:
         n = listed(I, STATE, DONE)
-        discarded += retire(has, F, I, film, n)
+        discarded += retire(has, F, I, film, tables, n)
         for q in range(n):
             j = I[u32(u32(LIST) + u32(q))]
             if more:
@@ -146,7 +176,9 @@ def trace(
                 I[u32(u32(LINE) + j)] = u32(top + y)
                 I[u32(u32(SLOT) + j)] = u32(slot)
                 pixel = u32((top + y) * picture_width + left + x)
-                I[u32(u32(KEY) + j)] = mix(u32(mix(u32(pixel ^ u32(seed))) + u32(u32(first_group + group) * u32(0x9E3779B1))))
+                I[u32(u32(KEY) + j)] = mix(
+                    u32(mix(u32(pixel ^ u32(seed))) + u32(u32(first_group + group) * u32(0x9E3779B1)))
+                )
                 I[u32(u32(SAMPLE) + j)] = prepared(has.sobol, u32(number))
                 number += 1
                 if number == samples:
@@ -171,15 +203,30 @@ def trace(
         begin(has, F, I, tables)
         closest(has, F, I, tables)
         meet(has, F, I, tables)
+        if len(has.textures) > 0:
+            paint(has, F, I, tables)
         found(has, F, I, tables)
+        if len(has.image) > 0:
+            sky_found(has, F, I, tables)
         for j in range(LANES):
             last = I[DEPTH + j] >= u32(deepest)
+            last = last & (I[KIND + j] < u32(POLARIZER))
             I[KIND + j] = sel(last, min(I[KIND + j], u32(LAMP)), I[KIND + j])
         if len(has.lamps) > 0:
             sample(has, F, I, tables)
             shadow(has, F, I, tables)
+            if len(has.sheets) > 0:
+                lit_through_sheets(has, F, I, tables)
         diffuse(has, F, I, tables)
         if len(has.smooth) > 0:
             smooth_glass(has, F, I, Q, tables)
             smooth_metal(has, F, I, Q, tables)
+        if len(has.rough) > 0:
+            rough_metal(has, F, I, Q, tables)
+            rough_glass(has, F, I, Q, tables)
+        if len(has.coat) > 0:
+            coat(has, F, I, Q, tables)
+        if len(has.sheets) > 0:
+            sheet(has, F, I, Q, tables, POLARIZER)
+            sheet(has, F, I, Q, tables, RETARDER)
         go_on(has, F, I, deepest)

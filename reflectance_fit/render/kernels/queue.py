@@ -14,25 +14,27 @@ from reflectance_fit.render.kernels.lanes import (
     DX,
     DY,
     DZ,
-    Has,
     LANES,
     LIST,
+    Q_ALONE,
+    Q_DENSITY,
+    Q_FACTOR,
+    Q_LIGHT,
+    Q_SQUEEZE,
     QA,
     QB,
     QC,
     QX,
     QY,
     QZ,
-    Q_ALONE,
-    Q_DENSITY,
-    Q_FACTOR,
-    Q_SQUEEZE,
     ROWS,
     SQUEEZE,
+    Has,
     components,
+    gathered,
     row_count,
 )
-from reflectance_fit.render.lobes.mueller import double_angle, reflect, turn
+from reflectance_fit.render.lobes.mueller import reflect, turn
 
 u32 = np.uint32
 
@@ -41,7 +43,7 @@ CHUNK = 16
 
 
 @stage
-def listed(I: np.ndarray, field: int, wanted: int) -> int:  # noqa: E741
+def listed(I: np.ndarray, field: int, wanted: int) -> int:
     """Writes the lanes whose field has the wanted value to LIST; how many they are."""
     n = u32(0)
     for j in range(LANES):
@@ -51,7 +53,7 @@ def listed(I: np.ndarray, field: int, wanted: int) -> int:  # noqa: E741
 
 
 @stage
-def put_back(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) -> None:  # noqa: E741
+def put_back(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) -> None:
     """New direction, density, axis; rows times factor or block."""
     for q in range(n):
         j = I[u32(u32(LIST) + u32(q))]
@@ -71,6 +73,17 @@ def put_back(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) -> N
                 for s in range(components(has)):
                     k = (c * row_count(has) + r) * components(has) + s
                     F[u32(u32(ROWS + k * LANES) + j)] = Q[Q_FACTOR + k * LANES + q]
+
+
+@stage
+def take_light(has: Has, F: np.ndarray, I: np.ndarray, Q: np.ndarray, n: int) -> None:
+    """Adds what the listed lanes got from the sampled light."""
+    for q in range(n):
+        j = I[u32(u32(LIST) + u32(q))]
+        for c in range(len(has.channels)):
+            for r in range(row_count(has)):
+                k = c * row_count(has) + r
+                F[u32(u32(gathered(has, c, r)) + j)] += Q[Q_LIGHT + k * LANES + q]
 
 
 @stage

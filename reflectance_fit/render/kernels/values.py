@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from reflectance_fit.physics.jit import stage
 from reflectance_fit.render.kernels.lanes import (
-    Has,
     LANES,
     WAVE,
+    Has,
+    Tables,
 )
 from reflectance_fit.render.lobes.select import like, sel
 
@@ -31,6 +30,21 @@ def value(has: Has, F: np.ndarray, curves: np.ndarray, curve: int, channel: int,
         low, high = curves[at], curves[u32(at + u32(1))]
         return low + share * (high - low)
     return curves[u32(u32(curve * u32(len(has.channels))) + u32(channel))]
+
+
+@stage
+def primaries(
+    has: Has, F: np.ndarray, tables: Tables, pixels: np.ndarray, pixel: int, first: int, channel: int, j: int
+) -> float:
+    """A picture's pixel at one of a lane's channels; spectra are sums of three, whose curves begin at ``counts[first]``."""
+    if len(has.spectral) == 0:
+        return pixels[u32(u32(pixel * u32(len(has.channels))) + u32(channel))]
+    at = u32(pixel * u32(3))
+    return (
+        pixels[at] * value(has, F, tables.curves, u32(tables.counts[first]), channel, j)
+        + pixels[u32(at + u32(1))] * value(has, F, tables.curves, u32(tables.counts[first + 1]), channel, j)
+        + pixels[u32(at + u32(2))] * value(has, F, tables.curves, u32(tables.counts[first + 2]), channel, j)
+    )
 
 
 @stage

@@ -74,12 +74,18 @@ def dielectric_transmission(c: float, eta: float) -> tuple[float, float, float]:
     0 under total reflection.  The transmitted fields are in phase with the
     incident ones along s and along p = ray x s.
     """
-    _, s2, _, q = _refracted(c, eta)
-    half = like(0.5, c)
+    _, _, _, q = _refracted(c, eta)
+    return transmission_between(c, q / eta, eta)
+
+
+@vectorised
+def transmission_between(c: float, cos_t: float, eta: float) -> tuple[float, float, float]:
+    """As ``dielectric_transmission``, from the cosines on both sides: the same to all digits from either side."""
+    q, half = eta * cos_t, like(0.5, c)
     scale = like(1.0, c) / max(c + q, like(_TINY, c))
     transmitted_s = like(4.0, c) * (c * scale) * (q * scale)
-    # t_p / t_s = eta / (s2 + q c).
-    ratio = eta / (s2 + q * c)
+    # t_p / t_s = eta / (sin^2 + q c).
+    ratio = eta / ((like(1.0, c) - c) * (like(1.0, c) + c) + q * c)
     transmitted_p = transmitted_s * ratio * ratio
     return (
         half * (transmitted_s + transmitted_p),

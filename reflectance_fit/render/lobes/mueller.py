@@ -66,3 +66,28 @@ def polarize(
 def retard(r2: float, r3: float, cosine: float, sine: float) -> tuple[float, float]:
     """Components 2 and 3 of a row times a retarder, its fast axis along s; cosine and sine of the retardance."""
     return cosine * r2 - sine * r3, sine * r2 + cosine * r3
+
+
+@vectorised
+def into_plane(
+    r1: float,
+    r2: float,
+    ax: float,
+    ay: float,
+    az: float,
+    vx: float,
+    vy: float,
+    vz: float,
+    hx: float,
+    hy: float,
+    hz: float,
+) -> tuple[float, float, float, float, float]:
+    """Components 1 and 2 of a row turned into the plane of incidence of v and h, and its s axis.
+
+    The row is of light that leaves along v, its axis a.  What the surface does is
+    then a block in this plane, and s is also the axis of the light that comes, reflected or transmitted.
+    """
+    sx, sy, sz = across(vx, vy, vz, hx, hy, hz, ax, ay, az)
+    cosine, sine = double_angle(ax, ay, az, sx, sy, sz, vx, vy, vz)
+    r1, r2 = turn(r1, r2, cosine, sine)
+    return r1, r2, sx, sy, sz
