@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -12,7 +13,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-import reflectance_fit
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.files import check_writable, write_together
 from reflectance_fit.material import Material
@@ -206,7 +206,7 @@ def _write(
             layers.update(
                 {f"{wish.approximation}.{c}": v for c, v in channels(other).items() if "." not in c}
             )
-            both = {"exact": radiance, wish.approximation: other.mean[..., 0]}
+            both: dict[str, Floats] = {"exact": radiance, wish.approximation: other.mean[..., 0]}
             lines = difference_lines(wish.approximation, compared)
             write_figure(
                 stage / f"{stem}-compare.png", draw_compare(name, both, compared.signed, lines, stops)
@@ -248,7 +248,7 @@ def difference_lines(name: str, found: Difference) -> tuple[str, ...]:
 
 def _about(name: str, wish: Wish, film: Film) -> dict[str, str | int | float]:
     about: dict[str, str | int | float] = {
-        "version": reflectance_fit.__version__,
+        "version": importlib.metadata.version("reflectance_fit"),
         "scene": name,
         "mode": film.mode,
         "samples": film.samples,
