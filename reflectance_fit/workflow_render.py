@@ -20,7 +20,7 @@ from reflectance_fit.physics.stokes import analyzer_signal
 from reflectance_fit.render.choose import Choice, choose
 from reflectance_fit.render.difference import Difference, difference, relative_error
 from reflectance_fit.render.film import Film
-from reflectance_fit.render.image import channels, polarization, write_exr
+from reflectance_fit.render.image import channels, polarization, row_polarization, write_exr
 from reflectance_fit.render.run import Progress, render
 from reflectance_fit.render.scene import Scene
 from reflectance_fit.render.scene_file import read_scene
@@ -200,7 +200,7 @@ def _write(
             pictures = {angle: analyzer_signal(film.mean, np.radians(angle)) for angle in wish.analyzers_deg}
             degree, _ = polarization(film)
             # Half of the light passes on average.
-            sheet = draw_analyzers(name, pictures, degree, (), stops + 1.0)
+            sheet = draw_analyzers(name, pictures, degree, row_polarization(film), stops + 1.0)
             write_figure(stage / f"{stem}-analyzer.png", sheet)
         if other is not None and compared is not None:
             layers.update(
