@@ -1,0 +1,42 @@
+"""The renderer: energy, light, bias, polarization, choice of mode, and another renderer's pictures."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from card import Figure, Table
+
+sys.path.append(str(Path(__file__).parents[1] / "reference"))
+
+import render_bad
+import render_furnace
+import render_irradiance
+import render_lobes
+import render_modes
+import render_polarized
+import render_statistics
+
+
+def about(*, full: bool) -> str:
+    return (
+        "Seeds fixed by figure. Surfaces: random pairs and samples, as their names say. Furnaces: a ball that fills the "
+        f"picture, {'4096' if full else '1024'} paths a pixel (rough: 4 times), 32 x 32, float64. Irradiance: "
+        f"{40 if full else 8} random lights a kind, some cut by the horizon, paths until the standard error is small. Bias: independent "
+        f"sampling, {render_statistics.SEEDS} seeds. Mitsuba 3: {render_statistics.GROUPS} seeds on each side, "
+        f"{2048 if full else 512} paths a pixel, {render_statistics.SIZE[0]} x {render_statistics.SIZE[1]}, tiles of "
+        f"{render_statistics.TILE} x {render_statistics.TILE}; level {render_statistics.ALPHA}, over many tests by Sidak. Modes: each scene also "
+        "in the fullest mode, differences beyond noise."
+    )
+
+
+def figures(*, full: bool) -> Iterator[Figure | Table]:
+    yield from render_lobes.figures()
+    yield from render_furnace.figures(full=full)
+    yield from render_irradiance.figures(full=full)
+    yield from render_statistics.unbiased(full=full)
+    yield from render_polarized.figures(full=full)
+    yield from render_statistics.agreement(full=full)
+    yield from render_modes.figures(full=full)
+    yield from render_bad.figures()
