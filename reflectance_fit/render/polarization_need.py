@@ -94,7 +94,9 @@ def _between(one: Surface, other: Surface) -> str:
     names = named(one), named(other)
     if names[0] != names[1]:
         return f"light can go from {names[0]} to {names[1]}"
-    return f"light can meet {names[0]} and another one" if not one.name else f"light can meet {names[0]} twice"
+    return (
+        f"light can meet {names[0]} and another one" if not one.name else f"light can meet {names[0]} twice"
+    )
 
 
 def _interfaces(scene: Scene) -> list[Surface]:

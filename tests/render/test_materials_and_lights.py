@@ -56,7 +56,9 @@ FLOOR = Rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0))
     ],
 )
 def test_a_furnace_never_glows(material):
-    film = render(Scene(CLOSE, (Surface(BALL, material),), ONE, max_depth=100), Settings("scalar", samples=256))
+    film = render(
+        Scene(CLOSE, (Surface(BALL, material),), ONE, max_depth=100), Settings("scalar", samples=256)
+    )
     assert np.all(film.mean < 1.0 + 4.0 * film.error + 1e-6)
     assert film.discarded == 0
     if material == Plastic(constant(1.5), constant(1.0)):
@@ -86,7 +88,10 @@ def test_sampled_light_and_drawn_directions_agree(material):
 @pytest.mark.parametrize("theta_deg", [10.0, 45.0, 56.309932474020215, 80.0])
 def test_a_metal_or_glass_reflects_fresnel_in_both_polarizations(theta_deg):
     theta = np.radians(theta_deg)
-    for material, eta, k in ((Conductor(constant(0.2), constant(3.4)), 0.2, 3.4), (Dielectric(constant(1.5)), 1.5, 0.0)):
+    for material, eta, k in (
+        (Conductor(constant(0.2), constant(3.4)), 0.2, 3.4),
+        (Dielectric(constant(1.5)), 1.5, 0.0),
+    ):
         # What is transmitted meets black below.
         black = Surface(Rectangle((0, 0, -0.1), (9, 0, 0), (0, 9, 0)), Lambertian(constant(0.0)))
         scene = Scene(looking_at_incidence(theta), (Surface(FLOOR, material), black), ONE)
@@ -102,15 +107,21 @@ def test_brewsters_angle_is_dark_behind_an_analyzer():
     theta = float(brewster_angle(1.5))
     black = Surface(Rectangle((0, 0, -0.1), (9, 0, 0), (0, 9, 0)), Lambertian(constant(0.0)))
     # p lies in the plane of incidence: the picture's horizontal here.
-    scene = Scene(looking_at_incidence(theta, analyzer_deg=0.0), (Surface(FLOOR, Dielectric(constant(1.5))), black), ONE)
+    scene = Scene(
+        looking_at_incidence(theta, analyzer_deg=0.0), (Surface(FLOOR, Dielectric(constant(1.5))), black), ONE
+    )
     film = render(scene, Settings("polarized", samples=256))
     assert film.mean[..., 0].max() < 1e-6
     s = reflectances(np.cos(theta), 1.5).s
     crossed = Scene(
-        looking_at_incidence(theta, analyzer_deg=90.0), (Surface(FLOOR, Dielectric(constant(1.5))), black), ONE
+        looking_at_incidence(theta, analyzer_deg=90.0),
+        (Surface(FLOOR, Dielectric(constant(1.5))), black),
+        ONE,
     )
     film = render(crossed, Settings("polarized", samples=4096))
-    np.testing.assert_allclose(film.mean[..., 0].mean(), s / 2.0, atol=4.0 * film.error[..., 0].mean() / np.sqrt(12))
+    np.testing.assert_allclose(
+        film.mean[..., 0].mean(), s / 2.0, atol=4.0 * film.error[..., 0].mean() / np.sqrt(12)
+    )
 
 
 def sheet(z, material):
@@ -147,7 +158,9 @@ def test_sampled_light_passes_sheets_as_seen_light_does():
     film = render(scene, Settings("polarized", samples=4096))
     # A second light that is never seen takes half of the samples: another mixture of the two ways, the same answer.
     dummy = AreaLight(Rectangle((0, 0, -9), (1, 0, 0), (0, -1, 0)), constant(4.0))
-    other = render(Scene(CLOSE, (metal, *sheets), (lamp, dummy), max_depth=2), Settings("polarized", samples=4096))
+    other = render(
+        Scene(CLOSE, (metal, *sheets), (lamp, dummy), max_depth=2), Settings("polarized", samples=4096)
+    )
     sigma = np.sqrt(np.mean(film.error**2 + other.error**2, axis=(0, 1, 2))) / 8.0
     assert np.all(np.abs(np.mean(film.mean - other.mean, axis=(0, 1, 2))) < 4.0 * sigma)
     assert np.all(np.abs(film.mean.mean(axis=(0, 1, 2))[1:]) > 8.0 * sigma[1:])
@@ -181,7 +194,9 @@ def test_a_picture_of_the_surroundings_lights_as_it_integrates():
     pixels = np.repeat(random.uniform(size=(16, 32, 1)) ** 4, 3, axis=2)
     camera = Camera((0, 0, 0.02), (0, 0, 0), (0, 1, 0), (4, 4), "orthographic", width=1e-5)
     ground = Surface(Rectangle((0, 0, 0), (9, 0, 0), (0, 9, 0)), Lambertian(constant(1.0)))
-    film = render(Scene(camera, (ground,), (ImageEnvironment(pixels),), max_depth=2), Settings("scalar", samples=4096))
+    film = render(
+        Scene(camera, (ground,), (ImageEnvironment(pixels),), max_depth=2), Settings("scalar", samples=4096)
+    )
     edges = np.linspace(0, np.pi, 17)[:9]
     # cos sin over each row above the horizon
     weights = (np.sin(edges[1:]) ** 2 - np.sin(edges[:-1]) ** 2) / 2.0
@@ -202,7 +217,9 @@ def test_white_stays_white_in_spectral_renders():
 def test_dispersion_changes_colours_and_not_white():
     """A dispersive ball in a furnace: every wavelength is lossless, whatever way it goes."""
     eta = Spectrum(np.array([1.8, 1.6]), np.array([400.0, 800.0]))
-    film = render(Scene(CLOSE, (Surface(BALL, Dielectric(eta)),), ONE, max_depth=50), Settings("spectral", samples=1024))
+    film = render(
+        Scene(CLOSE, (Surface(BALL, Dielectric(eta)),), ONE, max_depth=50), Settings("spectral", samples=1024)
+    )
     sigma = np.sqrt(np.mean(film.error**2, axis=(0, 1, 3))) / 8.0
     assert np.all(np.abs(film.mean.mean(axis=(0, 1, 3)) - 1.0) < 4.0 * sigma + 1e-3)
 
@@ -230,7 +247,9 @@ def test_forms_of_fresnel_are_those_of_physics(form):
     from reflectance_fit.physics.fresnel import r0
 
     theta = np.radians(75.0)
-    scene = Scene(looking_at_incidence(theta), (Surface(FLOOR, Conductor(constant(1.5), constant(2.5))),), ONE)
+    scene = Scene(
+        looking_at_incidence(theta), (Surface(FLOOR, Conductor(constant(1.5), constant(2.5))),), ONE
+    )
     film = render(scene, Settings("scalar", samples=16, fresnel=form))
     curves = {
         "constant": lambda c: r0(1.5, 2.5),
