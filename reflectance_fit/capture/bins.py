@@ -165,3 +165,22 @@ class Mask:
 
     def __or__(self, other: Mask) -> Mask:
         return Mask(self.shape, self.bits | other.bits)
+
+    def moved(self, shift: Shift) -> Mask:
+        """Where a frame of that ``shift`` shows what is masked in the view's first frame, to the nearest pixel."""
+        height, width = self.shape
+        first, there = self.picture(), np.zeros(self.shape, dtype=bool)
+        marked = np.flatnonzero(self.bits.any(axis=1))
+        columns = slice(0, width)
+        rows = (
+            shift.moved((slice(int(marked[0]), int(marked[-1]) + 1), columns))[0]
+            if len(marked)
+            else slice(0, 0)
+        )
+        x = np.arange(width, dtype=np.float64)
+        for row in range(rows.start, min(rows.stop, height)):
+            there_x, there_y = shift.back(x, np.full(width, float(row)))
+            column, line = np.rint(there_x).astype(np.int64), np.rint(there_y).astype(np.int64)
+            inside = (column >= 0) & (column < width) & (line >= 0) & (line < height)
+            there[row, inside] = first[line[inside], column[inside]]
+        return Mask.of(there)
