@@ -70,8 +70,21 @@ class AngleBins(Protocol):
         """Which of the positions (x, y), shape (n,), are seen; of those the angle of incidence and the direction of s."""
 
 
+class Ringed:
+    """What has ``edges`` of rings and ``sectors``: as many bins as both make."""
+
+    __slots__ = ()
+    edges: tuple[float, ...]
+    sectors: int
+
+    @property
+    def count(self) -> int:
+        """How many bins there are."""
+        return (len(self.edges) - 1) * self.sectors
+
+
 @dataclass(frozen=True, slots=True)
-class SphereBins:
+class SphereBins(Ringed):
     """An opaque ball, seen orthographically.
 
     sin(theta) is the distance from the centre over the radius.  The plane of
@@ -84,10 +97,6 @@ class SphereBins:
     analyzer: float | None
     edges: tuple[float, ...]
     sectors: int
-
-    @property
-    def count(self) -> int:
-        return (len(self.edges) - 1) * self.sectors
 
     @property
     def curvature(self) -> float:
