@@ -21,7 +21,7 @@ from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.files import check_writable, write_together
 
 from .arrangement import View, geometry_scenes, region, views
-from .capture_yaml import manifest, plain, truth
+from .capture_yaml import manifest, plain, seconds, truth
 from .dng import DngMetadata, write_dng
 from .picture import Scene, stokes_image
 from .rig import Setting
@@ -145,7 +145,7 @@ def _take(
         write_dng(stage / name, frame, _metadata(spec, exposure_s))
     with (stage / name).open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return {"file": name, "sha256": digest} | shot.entry | {"exposure_s": float(exposure_s)}, exposure_s
+    return {"file": name, "sha256": digest} | shot.entry | {"exposure_s": seconds(exposure_s)}, exposure_s
 
 
 def _metadata(spec: CaptureSpec, exposure_s: Fraction) -> DngMetadata:

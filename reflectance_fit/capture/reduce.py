@@ -74,10 +74,10 @@ def reduce_file(
     if stated_sha256 not in (None, found):
         return Changed(found)
     frame = read_frame(path, reading)
-    if cells is not None:
-        cell_means(frame, cells[0], shift).save(cells[1])
     # That frames differ in size is told by the capture as a whole.
     fitting = mask if mask is not None and mask.shape == frame.cfa.shape else None
+    if cells is not None:
+        cell_means(frame, cells[0], shift, fitting).save(cells[1])
     means = reduce_frame(frame, bins, is_flat, shift, fitting)
     uneven = {}
     if cell_noise is not None and bins:
