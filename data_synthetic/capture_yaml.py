@@ -32,7 +32,7 @@ def manifest(spec: CaptureSpec, entries: list[dict[str, Any]]) -> dict[str, Any]
     elif spec.light.circular is not None:
         light = {"circular": spec.light.circular}
     if spec.shape == "sphere":
-        data["light"] = light | {"shape": "surround", "uniform": True}
+        data["light"] = light | {"shape": "surround", "uniform": spec.surroundings == "even"}
         centre, radius = ball(spec)
         # Nearby, a ball is no circle: it has to be found.
         known = {"center_px": list(centre), "radius_px": radius}

@@ -75,6 +75,10 @@ class BoardScene:
         cosine, s_axis = self._incidence(self.camera.rays(x, y))
         return np.arccos(cosine), s_axis
 
+    def ink(self, x: Floats, y: Floats) -> NDArray[np.bool_]:
+        """Whether points x, y of the board, mm, are black."""
+        return self._print.ink(x, y)
+
     @property
     def is_curved(self) -> bool:
         return False
