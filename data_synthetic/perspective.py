@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .camera import Camera, picture_angle
 from .scenes import mirrored, rim
-from .target import SAMPLE, Board, Print
+from .target import BLACK, SAMPLE, Board, Print
 
 Floats = NDArray[np.float64]
 
@@ -76,8 +76,9 @@ class BoardScene:
         return np.arccos(cosine), s_axis
 
     def ink(self, x: Floats, y: Floats) -> NDArray[np.bool_]:
-        """Whether points x, y of the board, mm, are black."""
-        return self._print.ink(x, y)
+        """Whether points x, y of the board, mm from the squares' top left corner, are black or under the sample."""
+        part = self._print.part(x, y, np.eye(3), np.eye(3))
+        return np.asarray((part == BLACK) | (part == SAMPLE))
 
     @property
     def is_curved(self) -> bool:

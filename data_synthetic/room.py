@@ -16,7 +16,6 @@ from scipy.ndimage import gaussian_filter
 
 from reflectance_fit.materials.loader import AIR_INDEX
 from reflectance_fit.render import scene as tracing
-from reflectance_fit.render.run import render
 from reflectance_fit.render.settings import Settings
 
 from .perspective import BallScene, BoardScene
@@ -30,8 +29,7 @@ _PAPER, _INK = 0.8, 0.04  # albedo of what boards are printed on and with
 _LAMP_MM = 300.0  # from the sample to the softbox
 _SPARE = 1.4  # the softbox against what the sample shows of it
 _TEXELS = 200  # a square: whole numbers, so that its corners are where they should be
-# The renderer's noise a pixel is to be well below that of photons, about 1 %.
-_SAMPLES = 1024
+_SAMPLES = 128  # leave a noise of about 1 % where the table is mirrored, as photons do
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,6 +71,8 @@ class RoomScene:
         colours = sorted(indices, key=lambda colour: -wavelengths_nm[colour])
         nm = np.array([wavelengths_nm[colour] for colour in colours])
         eta, k = (np.array([indices[colour][part] for colour in colours]) for part in (0, 1))
+        from reflectance_fit.render.run import render  # here, because it loads the tracer
+
         described = self._scene(sensor, nm, eta, k)
         film = render(described, Settings("polarized", samples=_SAMPLES, seed=seed))
         picture = film.mean.astype(np.float32)

@@ -177,6 +177,9 @@ def standard_spec(
     if light is None:
         light = LIGHTS["unpolarized" if transparent else "circular" if shape == "sphere" else "linear45"]
     camera = _with_filters(SENSORS[noise], sensor)
+    if surroundings == "room":
+        # A quarter of the pixels: each costs hundreds of paths.
+        camera = replace(camera, width=camera.width // 2, height=camera.height // 2)
     own = camera.layout_deg is not None
     if own and analyzer_deg:
         raise ReflectanceFitError("the sensor has polarizers on its pixels; leave the analyzer away")
