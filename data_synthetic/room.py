@@ -84,7 +84,9 @@ class RoomScene:
         return image
 
     def _scene(self, sensor: Sensor, nm: Floats, eta: Floats, k: Floats) -> tracing.Scene:
-        surfaces, light = self._ball(nm, eta, k) if isinstance(self.inner, BallScene) else self._board(nm, eta, k)
+        surfaces, light = (
+            self._ball(nm, eta, k) if isinstance(self.inner, BallScene) else self._board(nm, eta, k)
+        )
         pinhole = self.inner.camera
         middle = ((sensor.width - 1) / 2, (sensor.height - 1) / 2)
         if pinhole.centre_px != middle:
@@ -111,7 +113,9 @@ class RoomScene:
             tracing.Surface(table, tracing.Lambertian(tracing.constant(_TABLE))),
         )
         polarization = _polarization(self.inner.light, np.array([0.0, 0.0, 1.0]))
-        return surfaces, tracing.ConstantEnvironment(tracing.constant(float(self.inner.light[0])), polarization)
+        return surfaces, tracing.ConstantEnvironment(
+            tracing.constant(float(self.inner.light[0])), polarization
+        )
 
     def _board(self, nm: Floats, eta: Floats, k: Floats) -> tuple[tuple[tracing.Surface, ...], tracing.Light]:
         assert isinstance(self.inner, BoardScene)
@@ -152,7 +156,9 @@ def _opaque(nm: Floats, eta: Floats, k: Floats) -> tracing.Material:
     """The sample: what enters a dielectric does not come back, as from a blackened rear."""
     order = np.argsort(nm)
     wavelengths = None if len(nm) == 1 else nm[order]
-    return tracing.Conductor(tracing.Spectrum(eta[order], wavelengths), tracing.Spectrum(k[order], wavelengths))
+    return tracing.Conductor(
+        tracing.Spectrum(eta[order], wavelengths), tracing.Spectrum(k[order], wavelengths)
+    )
 
 
 def _print(scene: BoardScene) -> tracing.Texture:

@@ -104,7 +104,9 @@ def test_imports_point_one_way(module):
     ours = {part(name) for name in IMPORTS[module] if inside(name, "reflectance_fit")} - {here}
     assert {there for there in ours if RANK.get(there, 99) > RANK[here]} == set()
     if here in SIBLINGS:
-        assert ours & SIBLINGS == set()
+        # Synthetic captures are pictures that the renderer may make.
+        may = {"render"} if here == "data_synthetic" else set()
+        assert ours & SIBLINGS <= may
 
 
 @pytest.mark.parametrize("module", [module for module in IMPORTS if part(module) == "physics"])
