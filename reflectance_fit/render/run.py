@@ -22,9 +22,12 @@ from reflectance_fit.render.settings import Settings
 
 Floats = NDArray[np.float64]
 
-_TILE = 16
-# Paths in one call of the kernel: many times the lanes, so that few idle at its end.
-_PATHS = 32768
+# Sides of a tile, in pixels; the larger, the fewer paths a pixel has.
+_TILE, _LARGEST_TILE = 16, 64
+# Paths in one call of the kernel: many times the lanes, so that few idle at its end, and what a call costs is little.
+_PATHS = 65536
+# Tiles that a picture has at least, where that is possible: several for each thread.
+_TILES = 64
 # Groups at least, each with its own scrambling; their spread is the error.
 _GROUPS = 16
 # With a target of error: samples in a group at most, so that it is looked at early.
@@ -147,12 +150,21 @@ def _group_size(settings: Settings) -> int:
     return next(size for size in range(most, 0, -1) if settings.samples % size == 0)
 
 
+def _tile(width: int, height: int, samples: int) -> int:
+    """Side of a tile; by the picture alone, so that nothing depends on the machine."""
+    side = _TILE
+    while side < _LARGEST_TILE and side**2 * samples < _PATHS and width * height > _TILES * (2 * side) ** 2:
+        side *= 2
+    return side
+
+
 def _jobs(width: int, height: int, first: int, groups: int, size: int) -> Iterator[_Job]:
-    together = max(_PATHS // (min(_TILE, width) * min(_TILE, height) * size), 1)
+    tile = _tile(width, height, groups * size)
+    together = max(_PATHS // (min(tile, width) * min(tile, height) * size), 1)
     for group in range(first, first + groups, together):
-        for top in range(0, height, _TILE):
-            for left in range(0, width, _TILE):
-                wide, high = min(_TILE, width - left), min(_TILE, height - top)
+        for top in range(0, height, tile):
+            for left in range(0, width, tile):
+                wide, high = min(tile, width - left), min(tile, height - top)
                 yield _Job(left, top, wide, high, group, min(together, first + groups - group))
 
 

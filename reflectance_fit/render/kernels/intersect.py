@@ -23,6 +23,7 @@ from reflectance_fit.render.kernels.lanes import (
     EDGE_V,
     FAR,
     KIND,
+    LAMP,
     LANES,
     LEFT,
     LX,
@@ -128,7 +129,11 @@ def shadow(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     for j in range(LANES):
         F[SEEN + j] = one
     spheres, rectangles, disks = counts[0], counts[1], counts[2]
+    # No light hides itself.  Where there is one, its shape is left out for all lanes alike.
+    alone = len(has.lamps) == 1
     for s in range(spheres):
+        if alone and shape_ids[s * SHAPE_IDS + OF_KIND] == u32(LAMP):
+            continue
         g = s * SHAPE
         x, y, z, r2 = shapes[g], shapes[g + 1], shapes[g + 2], shapes[g + RADIUS2]
         me = u32(s)
@@ -137,10 +142,12 @@ def shadow(has: Has, F: Floats, I: Words, tables: Tables) -> None:
                 x - F[PX + j], y - F[PY + j], z - F[PZ + j], F[LX + j], F[LY + j], F[LZ + j],
                 r2, I[MET + j] == me, zero,
             )  # fmt: skip
-            hidden = (t < F[REACH + j]) & (I[TARGET + j] != me)
+            hidden = (t < F[REACH + j]) & (alone | (I[TARGET + j] != me))
             F[SEEN + j] = sel(hidden, zero, F[SEEN + j])
     for s in range(spheres, spheres + rectangles + disks + counts[3]):
         if len(has.sheets) > 0 and shape_ids[s * SHAPE_IDS + OF_KIND] >= u32(POLARIZER):
+            continue
+        if alone and shape_ids[s * SHAPE_IDS + OF_KIND] == u32(LAMP):
             continue
         g = s * SHAPE
         x, y, z = shapes[g], shapes[g + 1], shapes[g + 2]
@@ -158,7 +165,7 @@ def shadow(has: Has, F: Floats, I: Words, tables: Tables) -> None:
             extent = sel(circular, u * u + v * v, max(u, v))
             hidden = (
                 (t > zero) & (t < F[REACH + j]) & (extent <= one)
-                & (I[MET + j] != me) & (I[TARGET + j] != me)
+                & (I[MET + j] != me) & (alone | (I[TARGET + j] != me))
             )  # fmt: skip
             F[SEEN + j] = sel(hidden, zero, F[SEEN + j])
 

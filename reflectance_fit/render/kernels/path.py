@@ -173,6 +173,8 @@ def trace(
         I[SLOT + j] = u32(0)
     for k in range(len(F)):
         F[k] = like(0.0, F[0])
+    # Hashed by itself: pixel and seed combined as they are would give another seed the same numbers in other pixels.
+    start = mix(u32(mix(u32(seed)) + u32(seed >> 32)))
     x, y, group, number = 0, 0, 0, 0
     slot = 0
     discarded = 0
@@ -190,7 +192,7 @@ def trace(
                 I[SLOT + j] = u32(slot)
                 pixel = u32((top + y) * picture_width + left + x)
                 I[KEY + j] = mix(
-                    u32(mix(u32(pixel ^ u32(seed))) + u32(u32(first_group + group) * u32(0x9E3779B1)))
+                    u32(u32(mix(pixel) ^ start) + u32(u32(first_group + group) * u32(0x9E3779B1)))
                 )
                 I[SAMPLE + j] = prepared(has.sobol, u32(number))
                 number += 1
