@@ -27,7 +27,7 @@ def about(*, full: bool) -> str:
         f"sampling, {render_statistics.SEEDS} seeds. Mitsuba 3: {render_statistics.GROUPS} seeds on each side, "
         f"{2048 if full else 512} paths a pixel, {render_statistics.SIZE[0]} x {render_statistics.SIZE[1]}, tiles of "
         f"{render_statistics.TILE} x {render_statistics.TILE}; level {render_statistics.ALPHA}, over many tests by Sidak. Modes: each scene also "
-        "in the fullest mode, differences beyond noise."
+        "in the fullest mode, differences beyond noise. Scenes share compiled kernels by specks of what they lack, far behind the camera."
     )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from card import Figure, Table
+from tracer_kernels import specked
 
 from reflectance_fit.render.run import render
 from reflectance_fit.render.scene import (
@@ -78,7 +79,7 @@ def _mean(material: Material, mode: Mode, samples: int) -> tuple[float, float]:
     scene = Scene(
         camera, surfaces if isinstance(material, Lambertian) else surfaces[:1], (sky,), max_depth=64
     )
-    film = render(scene, Settings(mode, samples, SEED, precision="double"))
+    film = render(specked(scene), Settings(mode, samples, SEED, precision="double"))
     # Luminance, so that one number stands for coloured noise.
     weights = np.array([0.2126, 0.7152, 0.0722]) if film.mean.shape[2] == 3 else np.ones(1)
     value, error = film.mean[..., 0] @ weights, np.sqrt(film.error[..., 0] ** 2 @ weights**2)

@@ -9,8 +9,10 @@ from dataclasses import replace
 import numpy as np
 from card import Figure, Table
 from render_mode_scenes import scenes
+from tracer_kernels import specked
 
 from reflectance_fit.render.choose import LIMIT, choose
+from reflectance_fit.render.film import Film
 from reflectance_fit.render.run import render
 from reflectance_fit.render.scene import Scene
 from reflectance_fit.render.settings import Mode, Settings
@@ -26,7 +28,7 @@ def figures(*, full: bool) -> Iterator[Figure | Table]:
     for name, scene in scenes().items():
         scene = replace(scene, camera=replace(scene.camera, size_px=SIZE))
         started = time.perf_counter()
-        choice = choose(scene, render)
+        choice = choose(scene, _render)
         seconds = time.perf_counter() - started
         cheaper += choice.mode != FULLEST
         found, error = (0.0, 0.0) if choice.mode == FULLEST else _difference(scene, choice.mode, full)
@@ -43,6 +45,10 @@ def figures(*, full: bool) -> Iterator[Figure | Table]:
     yield Figure.reported("of them rendered cheaper than the fullest mode", f"{cheaper}")
     header = ("scene", "mode", "RMS difference from the fullest, of the mean", "seconds to choose", "reason")
     yield Table("Modes chosen", header, tuple(rows))
+
+
+def _render(scene: Scene, settings: Settings) -> Film:
+    return render(specked(scene), settings)
 
 
 def _difference(scene: Scene, mode: Mode, full: bool) -> tuple[float, float]:

@@ -9,6 +9,7 @@ import numpy as np
 from card import Figure
 from numpy.typing import NDArray
 from render_matrices import least_eigenvalue
+from tracer_kernels import specked
 from tracer_scenes import CASES
 
 from reflectance_fit.render.run import render
@@ -51,7 +52,9 @@ def _matrices(scene: Scene, samples: int) -> Floats:
     for state in STATES:
         sky = ConstantEnvironment(constant(1.0), Polarization((1.0, *state), (0.3, 0.2, 1.0)))
         given = replace(scene, lights=(sky,))
-        film = render(given, Settings("polarized", samples, SEED, sampler="independent", precision="double"))
+        film = render(
+            specked(given), Settings("polarized", samples, SEED, sampler="independent", precision="double")
+        )
         columns.append(film.mean[:, :, 1, :].reshape(-1, 4))
     first = columns[0]
     return np.stack([first, *(column - first for column in columns[1:])], axis=-1)

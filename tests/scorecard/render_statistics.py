@@ -11,6 +11,7 @@ from card import Figure, Table
 from numpy.typing import NDArray
 from render_mitsuba import renders
 from scipy import stats
+from tracer_kernels import specked
 from tracer_scenes import PEERS
 
 from reflectance_fit.render.run import render
@@ -65,7 +66,8 @@ def agreement(*, full: bool) -> Iterator[Figure | Table]:
         if isinstance(theirs, str):
             yield Figure.not_run("agreement with Mitsuba", target, theirs)
             return
-        ours = np.array([render(scene, Settings(mode, samples, seed)).mean for seed in seeds])
+        shared = scene if full else specked(scene)
+        ours = np.array([render(shared, Settings(mode, samples, seed)).mean for seed in seeds])
         found.append(compared(ours[..., : theirs.shape[-2], :], theirs))
     n, pull, width = len(jobs), max(abs(f.pull) for f in found), max(f.width for f in found)
     title = f"mean S0 against Mitsuba, N = {n} of {len(PEERS)} scenes"
