@@ -14,18 +14,13 @@ MODES = ["auto", "scalar", "rgb", "spectral", "polarized", "spectral_polarized"]
 RUNGS = ["exact", "constant", "schlick", "schlick_f82", "lazanyi", "large_index"]
 
 
-class _Size(click.ParamType):
-    name = "WxH"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[int, int]:
-        if isinstance(value, tuple):
-            return value
-        width, _, height = str(value).partition("x")
-        if not (width.isdecimal() and height.isdecimal() and 0 < int(width) <= 8192 >= int(height) > 0):
-            self.fail(f"'{value}' is not a size such as 640x480, at most 8192x8192", param, ctx)
-        return int(width), int(height)
+def _size(_ctx: click.Context, _param: click.Parameter, value: str | None) -> tuple[int, int] | None:
+    if value is None:
+        return None
+    width, _, height = value.partition("x")
+    if not (width.isdecimal() and height.isdecimal() and 0 < int(width) <= 8192 >= int(height) > 0):
+        raise click.BadParameter(f"'{value}' is not a size such as 640x480, at most 8192x8192")
+    return int(width), int(height)
 
 
 def _finite(_ctx: click.Context, _param: click.Parameter, value: float | None) -> float | None:
@@ -88,7 +83,7 @@ def _image(_ctx: click.Context, _param: click.Parameter, value: Path) -> Path:
     metavar="DEG,...",
     help="Also a sheet of pictures behind an analyzer at these angles.",
 )
-@click.option("--size", type=_Size(), metavar="WxH", help="Pixels, instead of the scene's.")
+@click.option("--size", callback=_size, metavar="WxH", help="Pixels, instead of the scene's.")
 @click.option(
     "--exposure",
     type=click.FloatRange(-100, 100),

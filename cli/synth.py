@@ -47,6 +47,13 @@ from .options import degrees, is_quiet, output_options, seed_option
     show_default=True,
     help="How good the camera is.",
 )
+@click.option(
+    "--surroundings",
+    type=click.Choice(["even", "room"]),
+    default="even",
+    show_default=True,
+    help="room: a ball lies on a table, a board under a softbox, by the path tracer.",
+)
 @seed_option
 @output_options
 def synth(
@@ -58,6 +65,7 @@ def synth(
     sensor: str,
     light: str | None,
     noise: str,
+    surroundings: str,
     seed: int,
 ) -> None:
     """Photograph a material that is not there: RAW frames into DIR, with the truth beside them.
@@ -84,6 +92,7 @@ def synth(
         sensor=sensor,
         light=None if light is None else LIGHTS[light],
         noise=noise,
+        surroundings=surroundings,
         seed=seed,
     )
     with progress() as report:

@@ -14,6 +14,7 @@ from .camera import Camera
 from .perspective import BallScene, BoardScene
 from .picture import Scene
 from .rig import Light
+from .room import RoomScene
 from .scenes import FlatScene, SphereScene
 from .spec import CaptureSpec
 
@@ -37,7 +38,7 @@ class View:
     """One arrangement: its part of capture.yaml's entries, the scene, and the angle at the region's centre."""
 
     stated: dict[str, Any]
-    scene: Scene
+    scene: Scene | RoomScene
     truth: dict[str, float] | None = None
 
 
@@ -54,7 +55,7 @@ def views(spec: CaptureSpec) -> Iterator[View]:
     elif spec.optics.focal_px is None:
         yield View({}, SphereScene(*ball(spec), light))
     else:
-        yield View({}, BallScene(_camera(spec), _ball_centre(spec), light))
+        yield View({}, _around(spec, BallScene(_camera(spec), _ball_centre(spec), light)))
 
 
 def geometry_scenes(spec: CaptureSpec) -> Iterator[BoardScene]:
@@ -119,7 +120,11 @@ def _board_views(spec: CaptureSpec, light: Floats) -> Iterator[View]:
         theta, s_axis = scene.incidence((box[0] + box[2] - 1) / 2, (box[1] + box[3] - 1) / 2)
         truth = {"theta_deg": float(np.degrees(theta)), "s_axis_deg": float(np.degrees(s_axis)) % 180.0}
         # Frames of one tilt have one lamp, and so one gain.
-        yield View({"region": list(box), "gain_group": f"tilt {i}"}, scene, truth)
+        yield View({"region": list(box), "gain_group": f"tilt {i}"}, _around(spec, scene), truth)
+
+
+def _around(spec: CaptureSpec, scene: BallScene | BoardScene) -> Scene | RoomScene:
+    return RoomScene(scene) if spec.surroundings == "room" else scene
 
 
 def _placed(

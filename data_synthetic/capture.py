@@ -21,10 +21,11 @@ from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.files import check_writable, write_together
 
 from .arrangement import View, geometry_scenes, region, views
-from .capture_yaml import manifest, plain, truth
+from .capture_yaml import manifest, plain, seconds, truth
 from .dng import DngMetadata, write_dng
 from .picture import Scene, stokes_image
 from .rig import Setting
+from .room import RoomScene
 from .scenes import analyzer_weights
 from .sensor import FixedPattern, FloatArray, auto_exposure, expose, fixed_pattern, stops_from
 from .spec import CaptureSpec
@@ -145,7 +146,7 @@ def _take(
         write_dng(stage / name, frame, _metadata(spec, exposure_s))
     with (stage / name).open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return {"file": name, "sha256": digest} | shot.entry | {"exposure_s": float(exposure_s)}, exposure_s
+    return {"file": name, "sha256": digest} | shot.entry | {"exposure_s": seconds(exposure_s)}, exposure_s
 
 
 def _metadata(spec: CaptureSpec, exposure_s: Fraction) -> DngMetadata:
@@ -164,9 +165,15 @@ def _metadata(spec: CaptureSpec, exposure_s: Fraction) -> DngMetadata:
     )
 
 
-def _light(spec: CaptureSpec, scene: Scene, shift_px: tuple[float, float] = (0.0, 0.0)) -> FloatArray:
+def _light(
+    spec: CaptureSpec, scene: Scene | RoomScene, shift_px: tuple[float, float] = (0.0, 0.0)
+) -> FloatArray:
     """Stokes vectors at the pixels, each in its own colour, shape (height, width, 4)."""
-    indices = {site.colour: spec.index_of(spec.channel_of(site.colour)) for site in spec.sensor.cell()}
+    channels = {site.colour: spec.channel_of(site.colour) for site in spec.sensor.cell()}
+    indices = {colour: spec.index_of(channel) for colour, channel in channels.items()}
+    if isinstance(scene, RoomScene):
+        wavelengths_nm = {colour: channel.wavelength_nm for colour, channel in channels.items()}
+        return scene.image(spec.sensor, indices, wavelengths_nm, spec.optics, spec.seed)
     return stokes_image(scene, spec.sensor, indices, spec.optics, shift_px)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,7 @@ def manifest(spec: CaptureSpec, entries: list[dict[str, Any]]) -> dict[str, Any]
     elif spec.light.circular is not None:
         light = {"circular": spec.light.circular}
     if spec.shape == "sphere":
-        data["light"] = light | {"shape": "surround", "uniform": True}
+        data["light"] = light | {"shape": "surround", "uniform": spec.surroundings == "even"}
         centre, radius = ball(spec)
         # Nearby, a ball is no circle: it has to be found.
         known = {"center_px": list(centre), "radius_px": radius}
@@ -107,3 +108,8 @@ def truth(spec: CaptureSpec, arranged: Sequence[View], frames: int) -> dict[str,
 def plain(number: float) -> float:
     """Whole numbers without a point."""
     return int(number) if float(number).is_integer() else float(number)
+
+
+def seconds(exposure_s: Fraction) -> int | str:
+    """Exactly, as the manifest reads it: 2, or 1/60."""
+    return exposure_s.numerator if exposure_s.denominator == 1 else str(exposure_s)

@@ -13,14 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from .camera import Camera, picture_angle
 from .scenes import mirrored, rim
-from .target import Board, Print
+from .target import BLACK, SAMPLE, Board, Print
 
 Floats = NDArray[np.float64]
 
 PAPER, INK = 0.05, 0.0025
 """Light that the board scatters, unpolarized, from lamps that its sample does not mirror."""
-_MARGIN_MM = 10.0  # of white paper around the squares
-_BESIDE, _BLACK, _WHITE, _SAMPLE = range(4)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,18 +54,20 @@ class BoardScene:
 
     def stokes(self, x: ArrayLike, y: ArrayLike, eta: ArrayLike, k: ArrayLike) -> Floats:
         """Stokes vectors at points x, y (broadcast to S) for eta + ik (shape C, vacuum): shape C + S + (4,)."""
-        rays = self.camera.rays(x, y)
-        part = self._part(rays)
+        part = self.part(x, y)
         stokes = np.zeros((*np.shape(eta), *part.shape, 4))
+        # In the order of the parts that a board has.
         scattered = np.array([self.stray, INK, PAPER, 0.0])[part]
         stokes[..., 0] = scattered
         if self.board.sheen:
-            turn = 2.0 * np.pi * self._foot(rays)[..., 0] / self.board.size_mm[0]
+            turn = 2.0 * np.pi * self._across(x, y) / self.board.size_mm[0]
             stokes[..., 1] = self.board.sheen * scattered * np.cos(turn)
             stokes[..., 2] = self.board.sheen * scattered * np.sin(turn)
-        on = part == _SAMPLE
-        cosine, s_axis = self._incidence(rays[on])
-        stokes[..., on, :] = mirrored(cosine, s_axis, self.light, eta, k)
+        on = part == SAMPLE
+        if on.any():
+            at_x, at_y = (np.broadcast_to(z, part.shape)[on] for z in (x, y))
+            cosine, s_axis = self._incidence(self.camera.rays(at_x, at_y))
+            stokes[..., on, :] = mirrored(cosine, s_axis, self.light, eta, k)
         return stokes
 
     def incidence(self, x: ArrayLike, y: ArrayLike) -> tuple[Floats, Floats]:
@@ -75,39 +75,38 @@ class BoardScene:
         cosine, s_axis = self._incidence(self.camera.rays(x, y))
         return np.arccos(cosine), s_axis
 
+    def ink(self, x: Floats, y: Floats) -> NDArray[np.bool_]:
+        """Whether points x, y of the board, mm from the squares' top left corner, are black or under the sample."""
+        part = self._print.part(x, y, np.eye(3), np.eye(3))
+        return np.asarray((part == BLACK) | (part == SAMPLE))
+
     @property
     def is_curved(self) -> bool:
         return False
 
     def part(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.intp]:
         """Which part is seen at points x, y."""
-        return self._part(self.camera.rays(x, y))
+        return self._print.part(x, y, self._to_plane(0.0), self._to_plane(self.board.sample_offset_mm))
 
     def _incidence(self, rays: Floats) -> tuple[Floats, Floats]:
         inwards = self.rotation[:, 2]
         return rays @ inwards, picture_angle(rays, np.cross(rays, inwards))
 
-    def _foot(self, rays: Floats, height: float = 0.0) -> Floats:
-        """Where rays meet the plane at this height above the board, in the board's frame."""
-        camera, along = -self.rotation.T @ self.shift_mm, rays @ self.rotation
-        return np.asarray(camera + along * ((-height - camera[2]) / along[..., 2])[..., None])
+    def _to_plane(self, height: float) -> Floats:
+        """The homography from the picture to the plane at this height above the board, mm; shape (3, 3)."""
+        camera = -self.rotation.T @ self.shift_mm
+        focal, (x, y) = self.camera.focal_px, self.camera.centre_px
+        along = self.rotation.T @ np.array([[1.0, 0.0, -x], [0.0, 1.0, -y], [0.0, 0.0, focal]])
+        # A ray is in the plane at camera + along (-height - camera_z) / along_z.
+        return np.asarray(
+            (-height - camera[2]) * np.diag([1.0, 1.0, 0.0]) @ along + np.outer([*camera[:2], 1.0], along[2])
+        )
 
-    def _part(self, rays: Floats) -> NDArray[np.intp]:
-        """What the rays meet."""
-        foot = self._foot(rays)
-        top = self._foot(rays, self.board.sample_offset_mm) if self.board.sample_offset_mm else foot
-        across, down = self.board.size_mm
-        paper = (-_MARGIN_MM, -_MARGIN_MM, across + _MARGIN_MM, down + _MARGIN_MM)
-        part = np.where(self._print.ink(foot[..., 0], foot[..., 1]), _BLACK, _WHITE)
-        part[~_within(foot, paper)] = _BESIDE
-        part[_within(foot, self.board.window)] = _BLACK
-        part[_within(top, self.board.window)] = _SAMPLE
-        return part
-
-
-def _within(points: Floats, box: tuple[float, float, float, float]) -> NDArray[np.bool_]:
-    x, y = points[..., 0], points[..., 1]
-    return np.asarray((x >= box[0]) & (x < box[2]) & (y >= box[1]) & (y < box[3]))
+    def _across(self, x: ArrayLike, y: ArrayLike) -> Floats:
+        """How far to the right on the board points x, y are, mm."""
+        x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+        right, _, depth = ((a * x + b * y + c) for a, b, c in self._to_plane(0.0))
+        return np.asarray(right / depth)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -22,7 +22,9 @@ _POINTS, _STEP = 55, 34
 _FINE = (np.stack([np.arange(_POINTS), np.arange(_POINTS) * _STEP % _POINTS], axis=1) + 0.5) / _POINTS - 0.5
 # Gauss-Legendre, two by two: a mean to the third order.
 _GAUSS = tuple((dx / math.sqrt(12), dy / math.sqrt(12)) for dx in (-1, 1) for dy in (-1, 1))
-_ROWS = 64  # at a time, because the arrays in between are large
+# At a time, because the arrays in between are large.
+_ROWS = 64
+_EDGE_PIXELS = 300
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,9 +126,9 @@ def _pixels(
         image[..., rows, :, :] = sum(scene.stokes(x + dx, y[rows] + dy, eta, k) for dx, dy in points) / len(
             points
         )
-    if edges.any():
-        at_x, at_y = (np.broadcast_to(z, edges.shape)[edges] for z in (x, y))
-        image[..., edges, :] = sum(scene.stokes(at_x + dx, at_y + dy, eta, k) for dx, dy in _FINE) / len(
-            _FINE
-        )
+    at_y, at_x = np.nonzero(edges)
+    for first in range(0, len(at_x), _EDGE_PIXELS):
+        of_y, of_x = (z[first : first + _EDGE_PIXELS] for z in (at_y, at_x))
+        fine = x[of_x][:, None] + _FINE[:, 0], y[of_y, 0][:, None] + _FINE[:, 1]
+        image[..., of_y, of_x, :] = scene.stokes(*fine, eta, k).mean(axis=-2)
     return image

@@ -18,6 +18,7 @@ from .target import Board
 
 Shape = Literal["flat", "sphere", "board"]
 NoiseLevel = Literal["none", "low", "typical", "high"]
+Surroundings = Literal["even", "room"]
 SensorKind = Literal["bayer", "mono", "dofp", "dofp_bayer"]
 FileKind = Literal["dng", "tiff"]
 
@@ -58,6 +59,8 @@ class CaptureSpec:
     ``flat_stops`` shorter.  ``geometry_views`` show the board alone in other
     poses; without any, capture.yaml states the focal length.  ``noise_profile`` False keeps the noise out of the files.
     ``stated_diattenuation`` is what capture.yaml says of the analyzer.
+    ``surroundings`` are "even" where light comes as closed forms have it, or a
+    "room": a ball lies on a table, a board under a softbox.
     """
 
     material: str
@@ -83,6 +86,7 @@ class CaptureSpec:
     noise_profile: bool = True
     stated_diattenuation: float = STATED_DIATTENUATION
     files: FileKind = "dng"
+    surroundings: Surroundings = "even"
 
     def __post_init__(self) -> None:
         own = self.sensor.layout_deg is not None
@@ -109,7 +113,14 @@ class CaptureSpec:
                 self.shape != "flat" and bool(self.faults.angle_offset_deg),
                 "offsets of stated angles are faults of a flat sample",
             ),
-            (self.shape == "board" and self.optics.focal_px is None, "a board is seen in perspective"),
+            (
+                (self.shape == "board" or self.surroundings == "room") and self.optics.focal_px is None,
+                "a board or a room is seen in perspective",
+            ),
+            (
+                self.surroundings == "room" and self.shape == "flat",
+                "a room is for balls and boards; a flat sample fills the picture",
+            ),
             (self.shape == "board" and max(self.angles_deg) > 80.0, "a board is seen up to 80 degrees"),
             (
                 self.sensor.kind == "bayer" and self.files == "tiff",
@@ -147,6 +158,7 @@ def standard_spec(
     noise: NoiseLevel = "typical",
     seed: int = 0,
     sensor: SensorKind = "bayer",
+    surroundings: Surroundings = "even",
 ) -> CaptureSpec:
     """A capture that can identify a built-in material.
 
@@ -165,6 +177,9 @@ def standard_spec(
     if light is None:
         light = LIGHTS["unpolarized" if transparent else "circular" if shape == "sphere" else "linear45"]
     camera = _with_filters(SENSORS[noise], sensor)
+    if surroundings == "room":
+        # A quarter of the pixels: each costs hundreds of paths.
+        camera = replace(camera, width=camera.width // 2, height=camera.height // 2)
     own = camera.layout_deg is not None
     if own and analyzer_deg:
         raise ReflectanceFitError("the sensor has polarizers on its pixels; leave the analyzer away")
@@ -184,6 +199,7 @@ def standard_spec(
         else:
             across, down = (round(1.0 + float(x), 6) for x in generator.normal(0.0, _PRINT_SCALE, 2))
             board = Board(print_scale=(across, down))
+    is_near = shape == "board" or surroundings == "room"
     default_deg = _BOARD_DEG if shape == "board" else _DIELECTRIC_DEG if transparent else _METAL_DEG
     return CaptureSpec(
         material=entry.name,
@@ -197,9 +213,10 @@ def standard_spec(
         channels=MONO_CHANNELS if camera.pattern == "MONO" else CHANNELS,
         faults=faults,
         nuisances=nuisances,
-        optics=Optics(round(_FOCAL * camera.width, 1), _BLUR_PX) if shape == "board" else Optics(),
+        optics=Optics(round(_FOCAL * camera.width, 1), _BLUR_PX) if is_near else Optics(),
         board=board,
         geometry_views=_GEOMETRY_VIEWS if shape == "board" else 0,
+        surroundings=surroundings,
     )
 
 

@@ -1,4 +1,4 @@
-"""A printed ChArUco board: which points of it are ink."""
+"""A printed ChArUco board with a sample in its window: what is where."""
 
 from __future__ import annotations
 
@@ -6,11 +6,16 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from reflectance_fit.errors import ReflectanceFitError
+from reflectance_fit.physics.jit import kernel
 
 Floats = NDArray[np.float64]
+
+BESIDE, BLACK, WHITE, SAMPLE = range(4)
+"""What a point shows."""
+_MARGIN_MM = 10.0  # of white paper around the squares
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,14 +72,14 @@ class Board:
 
 
 class Print:
-    """The ink of a board, looked up at any point without resampling a picture of it."""
+    """A board as printed, looked up at any point without resampling a picture of it."""
 
     def __init__(self, board: Board) -> None:
         dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
         layout = cv2.aruco.CharucoBoard(board.squares, board.square_mm, board.marker_mm, dictionary)
         across, down = board.squares
         # The marker of a square, -1 for a black one: markers stand on white.
-        self._marker = np.full((down, across), -1, dtype=np.intp)
+        self._marker = np.full((down, across), -1, dtype=np.int64)
         modules = dictionary.markerSize + 2  # a border of one module
         pictures: list[NDArray[np.bool_]] = []
         for number, corners in zip(np.ravel(layout.getIds()), layout.getObjPoints(), strict=True):
@@ -82,20 +87,65 @@ class Print:
             self._marker[row, column] = len(pictures)
             pictures.append(cv2.aruco.generateImageMarker(dictionary, int(number), modules) == 0)
         self._ink = np.array(pictures)
-        self._board, self._modules = board, modules
+        self._squares_mm = tuple(float(board.square_mm * scale) for scale in board.print_scale)
+        self._share = board.marker_mm / board.square_mm
+        self._window = board.window
 
-    def ink(self, x: Floats, y: Floats) -> NDArray[np.bool_]:
-        """Whether points x, y are black; mm from the top left corner of the squares, as printed."""
-        board, modules = self._board, self._modules
-        x, y = x / (board.print_scale[0] * board.square_mm), y / (board.print_scale[1] * board.square_mm)
-        across, down = board.squares
-        column, row = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
-        on = (column >= 0) & (column < across) & (row >= 0) & (row < down)
-        number = self._marker[np.where(on, row, 0), np.where(on, column, 0)]
+    def part(self, x: ArrayLike, y: ArrayLike, paper: Floats, top: Floats) -> NDArray[np.intp]:
+        """What points x, y of a picture show (broadcast to S): shape S.
+
+        ``paper`` and ``top`` are homographies, shape (3, 3), that take (x, y, 1)
+        to the planes of the paper and of the sample's surface: mm from the top
+        left corner of the squares, across and down.
+        """
+        x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
+        squares = self._marker, self._ink, self._squares_mm, self._share
+        return _parts(x.ravel(), y.ravel(), paper, top, squares, self._window).reshape(x.shape)
+
+
+@kernel
+def _parts(
+    x: Floats,
+    y: Floats,
+    paper: Floats,
+    top: Floats,
+    squares: tuple[NDArray[np.int64], NDArray[np.bool_], tuple[float, ...], float],
+    window: tuple[float, float, float, float],
+) -> NDArray[np.intp]:
+    """Compiled, because a picture asks for millions of points; ``squares`` are markers, modules, sides and share."""
+    marker, ink, (wide, high), share = squares
+    down, across = marker.shape
+    modules = ink.shape[1]
+    found = np.empty(len(x), dtype=np.intp)
+    for i in range(len(x)):
+        depth = top[2, 0] * x[i] + top[2, 1] * y[i] + top[2, 2]
+        right = (top[0, 0] * x[i] + top[0, 1] * y[i] + top[0, 2]) / depth
+        below = (top[1, 0] * x[i] + top[1, 1] * y[i] + top[1, 2]) / depth
+        if window[0] <= right < window[2] and window[1] <= below < window[3]:
+            found[i] = SAMPLE
+            continue
+        depth = paper[2, 0] * x[i] + paper[2, 1] * y[i] + paper[2, 2]
+        right = (paper[0, 0] * x[i] + paper[0, 1] * y[i] + paper[0, 2]) / depth
+        below = (paper[1, 0] * x[i] + paper[1, 1] * y[i] + paper[1, 2]) / depth
+        if window[0] <= right < window[2] and window[1] <= below < window[3]:
+            found[i] = BLACK
+            continue
+        on_paper = -_MARGIN_MM <= right < across * wide + _MARGIN_MM
+        if not (on_paper and -_MARGIN_MM <= below < down * high + _MARGIN_MM):
+            found[i] = BESIDE
+            continue
+        u, v = right / wide, below / high
+        if not (0.0 <= u < across and 0.0 <= v < down):
+            found[i] = WHITE
+            continue
+        column, row = int(u), int(v)
+        number = marker[row, column]
+        if number < 0:
+            found[i] = BLACK
+            continue
         # Modules from the marker's corner, which lies in the middle of its square.
-        margin, module = (1.0 - board.marker_mm / board.square_mm) / 2, board.marker_mm / board.square_mm
-        u, v = ((z - np.floor(z) - margin) / module * modules for z in (x, y))
-        i, j = np.floor(v).astype(np.intp), np.floor(u).astype(np.intp)
-        marked = (i >= 0) & (i < modules) & (j >= 0) & (j < modules) & (number >= 0)
-        printed = self._ink[np.where(marked, number, 0), np.where(marked, i, 0), np.where(marked, j, 0)]
-        return np.asarray(on & np.where(marked, printed, number < 0))
+        u = (u - column - (1.0 - share) / 2.0) / share * modules
+        v = (v - row - (1.0 - share) / 2.0) / share * modules
+        printed = 0.0 <= u < modules and 0.0 <= v < modules and ink[number, int(v), int(u)]
+        found[i] = BLACK if printed else WHITE
+    return found

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,6 +26,8 @@ class Measurement:
     to the sigma of its prior, inf for flat; None where the file leaves the
     choice to the fit, empty where it forbids all.  ``priors`` holds eta and k.
     ``inputs`` are (file as written, sha256), the manifest first.
+    ``common_sigmas`` maps a nuisance to the sigma that was measured of it, by
+    channel: an error that all rows of the channel share.
     """
 
     path: Path
@@ -36,3 +39,8 @@ class Measurement:
     warnings: tuple[Note, ...]
     inputs: tuple[tuple[str, str], ...]
     sample_note: str | None = None
+    common_sigmas: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    def known(self, channel: str) -> dict[str, float]:
+        """``common_sigmas`` of one channel: nuisance to sigma."""
+        return {name: sigmas[channel] for name, sigmas in self.common_sigmas.items() if channel in sigmas}

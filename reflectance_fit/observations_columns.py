@@ -48,6 +48,7 @@ ATTRIBUTES: Mapping[str, str] = {
     "note": "what its manifest says of the sample; absent: nothing",
     "exterior_ior": "index around the sample",
     "nuisances": "JSON: name to the sigma of its prior, null for flat; absent: none",
+    "common_sigmas": "JSON: nuisance to the sigma measured of it, by channel; absent: none was",
     "priors": "JSON: eta and k, as in the block of manifests",
     "warnings": "JSON: list of {code, message}",
     "inputs": "JSON: list of {file, sha256}, the manifest first",

@@ -34,7 +34,7 @@ from reflectance_fit.observations_columns import ATTRIBUTES, COLUMNS, OPTIONAL, 
 from reflectance_fit.strict_yaml import Document, validate
 
 MAX_ROWS = 5_000_000  # a file may claim any number without holding one
-_JSON = ("nuisances", "priors", "warnings", "inputs")
+_JSON = ("nuisances", "common_sigmas", "priors", "warnings", "inputs")
 _DTYPES = {"text": np.str_, "float": np.floating, "integer": np.integer}
 _WIDE = {"float": np.float64, "integer": np.int64}
 
@@ -55,6 +55,7 @@ class _Attributes(Block):
     exterior_ior: Positive
     note: Text | None = None
     nuisances: dict[NuisanceName, Positive | None] | None = None
+    common_sigmas: dict[NuisanceName, dict[Text, Positive]] = Field(default_factory=dict)
     priors: Priors
     warnings: tuple[_Warning, ...]
     inputs: Annotated[tuple[_Input, ...], Field(min_length=1)]
@@ -77,6 +78,8 @@ def write_observations(measurement: Measurement, path: Path) -> None:
         values["note"] = measurement.sample_note
     if nuisances is not None:
         values["nuisances"] = {name: s if np.isfinite(s) else None for name, s in nuisances.items()}
+    if measurement.common_sigmas:
+        values["common_sigmas"] = {name: dict(by) for name, by in measurement.common_sigmas.items()}
 
     def fill(part: Path) -> None:
         with h5netcdf.File(part, "w") as file:
@@ -136,6 +139,7 @@ def read_observations(path: Path) -> Measurement:
         warnings=tuple(Note(entry.code, entry.message) for entry in stated.warnings),
         inputs=tuple((entry.file, entry.sha256) for entry in stated.inputs),
         sample_note=stated.note,
+        common_sigmas=dict(stated.common_sigmas),
     )
 
 

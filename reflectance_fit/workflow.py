@@ -153,6 +153,7 @@ def fit(
                 exterior_ior=measurement.exterior_ior,
                 priors=measurement.priors,
                 nuisances=measurement.nuisances,
+                known=measurement.known(channel),
                 model=model,
                 method=method,
                 seed=(seed, index),

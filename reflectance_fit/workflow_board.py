@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from reflectance_fit.capture.board import Board, manifest_text, sheet_mm
+from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.files import check_writable, write_whole
 
 _ADVICE = (
@@ -16,11 +17,13 @@ _ADVICE = (
 def board_to_file(board: Board, paper: str, out: Path) -> str:
     """Write the page to ``out``, a PDF; returns the text for capture.yaml.
 
-    Raises ReflectanceFitError for a board that does not fit on the paper, or
-    that OpenCV has not the markers for.
+    Raises ReflectanceFitError for a name that does not end in .pdf, and a board
+    that does not fit on the paper, or that OpenCV has not the markers for.
     """
     from reflectance_fit.plot.board import board_pdf
 
+    if out.suffix.lower() != ".pdf":
+        raise ReflectanceFitError(Problem(str(out), None, "the page is a PDF; give a name that ends in .pdf"))
     sheet = sheet_mm(board, paper)
     check_writable(out.parent)
     text = manifest_text(board)

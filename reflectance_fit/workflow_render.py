@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -12,7 +13,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-import reflectance_fit
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.files import check_writable, write_together
 from reflectance_fit.material import Material
@@ -20,7 +20,7 @@ from reflectance_fit.physics.stokes import analyzer_signal
 from reflectance_fit.render.choose import Choice, choose
 from reflectance_fit.render.difference import Difference, difference, relative_error
 from reflectance_fit.render.film import Film
-from reflectance_fit.render.image import channels, polarization, write_exr
+from reflectance_fit.render.image import channels, polarization, row_polarization, write_exr
 from reflectance_fit.render.run import Progress, render
 from reflectance_fit.render.scene import Scene
 from reflectance_fit.render.scene_file import read_scene
@@ -200,13 +200,13 @@ def _write(
             pictures = {angle: analyzer_signal(film.mean, np.radians(angle)) for angle in wish.analyzers_deg}
             degree, _ = polarization(film)
             # Half of the light passes on average.
-            sheet = draw_analyzers(name, pictures, degree, (), stops + 1.0)
+            sheet = draw_analyzers(name, pictures, degree, row_polarization(film), stops + 1.0)
             write_figure(stage / f"{stem}-analyzer.png", sheet)
         if other is not None and compared is not None:
             layers.update(
                 {f"{wish.approximation}.{c}": v for c, v in channels(other).items() if "." not in c}
             )
-            both = {"exact": radiance, wish.approximation: other.mean[..., 0]}
+            both: dict[str, Floats] = {"exact": radiance, wish.approximation: other.mean[..., 0]}
             lines = difference_lines(wish.approximation, compared)
             write_figure(
                 stage / f"{stem}-compare.png", draw_compare(name, both, compared.signed, lines, stops)
@@ -248,7 +248,7 @@ def difference_lines(name: str, found: Difference) -> tuple[str, ...]:
 
 def _about(name: str, wish: Wish, film: Film) -> dict[str, str | int | float]:
     about: dict[str, str | int | float] = {
-        "version": reflectance_fit.__version__,
+        "version": importlib.metadata.version("reflectance_fit"),
         "scene": name,
         "mode": film.mode,
         "samples": film.samples,

@@ -27,6 +27,7 @@ ABOUT = {
     "nuisances": {"angle_offset_deg": 0.5, "source_azimuth_deg": math.inf},
     "priors": {"eta": Prior("log_uniform", *ETA_PRIOR), "k": Prior("uniform", *K_PRIOR)},
     "warnings": (Note("NO_HASHES", "première"), Note("SATURATED", "zweite: 5 %")),
+    "common_sigmas": {"angle_offset_deg": {"R": 0.012, "grün 波長": 0.3}},
     "inputs": (("capture.yaml", "0" * 64), ("raw/é.dng", "f" * 64)),
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -33,6 +34,7 @@ def check_sizes(
 ) -> None:
     """The region or the ball must be in the picture, and darks and flats must show the same pixels."""
     problems = []
+    sizes = Counter(one.shape for one in means.values())
     for frame in frames:
         if frame.path not in means:
             continue
@@ -45,8 +47,10 @@ def check_sizes(
             problems.append(Problem(str(capture.path), frame.line, message))
         for other in others.values():
             if other.path in means and means[other.path].shape != means[frame.path].shape:
-                message = f"{other.file} is not of the size of {frame.file}; use frames of one camera setting"
-                problems.append(Problem(str(capture.path), other.line, message))
+                # The one that is like fewer others is the stranger.
+                odd, usual = sorted((other, frame), key=lambda one: sizes[means[one.path].shape])
+                message = f"{odd.file} is not of the size of {usual.file}; use frames of one camera setting"
+                problems.append(Problem(str(capture.path), odd.line, message))
     if problems:
         raise ReflectanceFitError(sorted(set(problems), key=lambda p: p.line or 0))
 

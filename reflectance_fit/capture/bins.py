@@ -70,8 +70,21 @@ class AngleBins(Protocol):
         """Which of the positions (x, y), shape (n,), are seen; of those the angle of incidence and the direction of s."""
 
 
+class Ringed:
+    """What has ``edges`` of rings and ``sectors``: as many bins as both make."""
+
+    __slots__ = ()
+    edges: tuple[float, ...]
+    sectors: int
+
+    @property
+    def count(self) -> int:
+        """How many bins there are."""
+        return (len(self.edges) - 1) * self.sectors
+
+
 @dataclass(frozen=True, slots=True)
-class SphereBins:
+class SphereBins(Ringed):
     """An opaque ball, seen orthographically.
 
     sin(theta) is the distance from the centre over the radius.  The plane of
@@ -84,10 +97,6 @@ class SphereBins:
     analyzer: float | None
     edges: tuple[float, ...]
     sectors: int
-
-    @property
-    def count(self) -> int:
-        return (len(self.edges) - 1) * self.sectors
 
     @property
     def curvature(self) -> float:
@@ -165,3 +174,22 @@ class Mask:
 
     def __or__(self, other: Mask) -> Mask:
         return Mask(self.shape, self.bits | other.bits)
+
+    def moved(self, shift: Shift) -> Mask:
+        """Where a frame of that ``shift`` shows what is masked in the view's first frame, to the nearest pixel."""
+        height, width = self.shape
+        first, there = self.picture(), np.zeros(self.shape, dtype=bool)
+        marked = np.flatnonzero(self.bits.any(axis=1))
+        columns = slice(0, width)
+        rows = (
+            shift.moved((slice(int(marked[0]), int(marked[-1]) + 1), columns))[0]
+            if len(marked)
+            else slice(0, 0)
+        )
+        x = np.arange(width, dtype=np.float64)
+        for row in range(rows.start, min(rows.stop, height)):
+            there_x, there_y = shift.back(x, np.full(width, float(row)))
+            column, line = np.rint(there_x).astype(np.int64), np.rint(there_y).astype(np.int64)
+            inside = (column >= 0) & (column < width) & (line >= 0) & (line < height)
+            there[row, inside] = first[line[inside], column[inside]]
+        return Mask.of(there)

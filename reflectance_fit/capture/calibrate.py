@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from reflectance_fit.capture.bins import Bins, Region
 from reflectance_fit.capture.frames import Capture, Exposure, Frame
+from reflectance_fit.capture.plane_means import PlaneMeans
 from reflectance_fit.capture.raw import Plane
-from reflectance_fit.capture.reduce import FrameMeans, PlaneMeans
+from reflectance_fit.capture.reduce import FrameMeans
 
 FloatArray = NDArray[np.float64]
 

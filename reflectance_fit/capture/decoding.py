@@ -66,7 +66,8 @@ def decode(
     """Each file's means, why the others have none, and the sha256 of those that a worker read.
 
     ``cells`` are the files that their pictures over cells are written to,
-    ``masked`` are pixels left out beside the hot ones.
+    ``masked`` are pixels left out beside the hot ones, which are the sensor's:
+    these are the scene's, and a frame that is shifted shows them elsewhere.
     """
     if not jobs:
         return {}, {}, {}
@@ -77,9 +78,7 @@ def decode(
 
     with RawWorkers() as workers:
         darks = [path for path in jobs if frames[path].role == "dark"]
-        mask, errors = _hot(capture, darks, workers, progress)
-        if masked is not None:
-            mask = masked if mask is None or mask.shape != masked.shape else mask | masked
+        hot, errors = _hot(capture, darks, workers, progress)
         left = [path for path in jobs if path not in errors]
 
         def work() -> Iterator[Job[FrameMeans | Changed]]:
@@ -87,7 +86,9 @@ def decode(
                 frame = frames[path]
                 noise = pixel_noise(capture, frame) if frame.role == "sample" else None
                 is_flat, picture = frame.role == "flat", (box, cells[path]) if cells else None
-                view = is_flat, shifts.get(path), mask
+                shift = shifts.get(path)
+                there = masked if masked is None or shift is None else masked.moved(shift)
+                view = is_flat, shift, _both(hot, there)
                 args = capture.reading, frame.sha256, jobs[path], *view, noise, picture
                 yield path, reduce_file, args
 
@@ -103,6 +104,13 @@ def decode(
             if progress:
                 progress("reading frames", done, len(left))
     return clipped_alike(means), errors, hashes
+
+
+def _both(hot: Mask | None, masked: Mask | None) -> Mask | None:
+    """What either leaves out; darks of another size are told of when frames and darks are compared."""
+    if hot is None or masked is None:
+        return hot or masked
+    return hot | masked if hot.shape == masked.shape else masked
 
 
 def _hot(

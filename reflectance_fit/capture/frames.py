@@ -172,7 +172,8 @@ class Capture:
     ``nuisances`` maps name to stated sigma, None for the documented default
     (``nuisances.nuisance_sigmas`` fills it in when the data are known); it is
     None where the choice is left to the fit, empty where all are forbidden.
-    ``priors`` holds eta and k.  ``inputs`` are (file as written, sha256): the
+    ``common_sigmas`` are the sigmas of nuisances that photographs have told, by
+    channel.  ``priors`` holds eta and k.  ``inputs`` are (file as written, sha256): the
     manifest and the maps of the camera, until the frames are read.
     ``document`` has the lines for messages.
     """
@@ -196,6 +197,7 @@ class Capture:
     half_angle_deg: float
     frames: tuple[Frame, ...]
     nuisances: dict[str, float | None] | None
+    common_sigmas: dict[str, dict[str, float]]
     priors: dict[str, Prior]
     inputs: tuple[tuple[str, str], ...]
     document: Document = field(repr=False)

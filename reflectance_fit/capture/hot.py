@@ -20,7 +20,12 @@ _MOST = 0.02  # sensors have 0.01 to 0.5 % at the longest exposures
 
 def find_hot(path: Path, reading: Reading) -> Mask:
     """The hot pixels of a dark frame; ReflectanceFitError for what cannot be read or is not dark."""
-    mask = hot_pixels(read_frame(path, reading))
+    return hot_of(read_frame(path, reading), path)
+
+
+def hot_of(dark: RawFrame, path: Path) -> Mask:
+    """The hot pixels of ``dark``, which is the file at ``path``; ReflectanceFitError for what is not dark."""
+    mask = hot_pixels(dark)
     if mask is None:
         message = (
             f"is no dark: more than {_MOST:.0%} of its pixels stand out; cover the lens and take it again"

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from reflectance_fit.capture.agreement import check_planes, check_sizes, unused_bits
+from reflectance_fit.capture.allowed import allowed_for
 from reflectance_fit.capture.balance import check_balance, check_cells
 from reflectance_fit.capture.brackets import merged
 from reflectance_fit.capture.calibrate import Calibrated
@@ -24,7 +25,6 @@ from reflectance_fit.capture.survey import survey
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.inputs import sha256_of
 from reflectance_fit.measured import Measurement, Note
-from reflectance_fit.nuisances import nuisance_sigmas
 from reflectance_fit.views import ViewMaps
 
 
@@ -100,7 +100,7 @@ def ingest(
     rows_of = angle_rows if isinstance(capture.geometry, Sphere | Ball) else flat_rows
     views = merged(samples)
     observations = rows_of(capture, views)
-    stated = capture.nuisances
+    nuisances, common = allowed_for(capture, observations)
     notes = [Note("ROWS_IGNORED", f"{file} {reason}") for file, reason in rejected.items()]
     notes += looked.notes
     white = [
@@ -124,11 +124,12 @@ def ingest(
         sample_name=capture.sample_name,
         exterior_ior=capture.exterior_ior,
         observations=observations,
-        nuisances=None if stated is None else nuisance_sigmas(stated, capture.document, observations),
+        nuisances=nuisances,
         priors=capture.priors,
         warnings=tuple(notes),
         inputs=(*capture.inputs, *((frame.file, hashes[frame.path]) for frame in capture.frames)),
         sample_note=capture.sample_note,
+        common_sigmas=common,
     )
     # Frames of role geometry have served when they were not rejected.
     used = set(jobs) | first.used | {frame.path for frame in capture.role("geometry")}

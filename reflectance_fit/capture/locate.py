@@ -39,7 +39,6 @@ T = TypeVar("T")
 
 # The model averages over a ring to the third moment of its angles.  A region is one ring as far as that goes.
 _WIDEST_RING = math.radians(6.0)
-_LEAST_COMMON_DEG = 1e-4  # a prior's sigma must be positive
 
 
 def locate(capture: Capture, progress: Progress | None = None) -> tuple[Capture, dict[str, str]]:
@@ -96,12 +95,13 @@ def _on_board(capture: Capture, board: Board, progress: Progress | None) -> tupl
         raise ReflectanceFitError(Problem(str(capture.path), None, message)) from error
     rejected |= poses.rejected
     seen = {path: _pose(poses, path, box) for path, box in boxes.items() if path in poses.normals}
-    # Where the fit has a nuisance for it, what all angles share is that nuisance's; else it widens each angle.
-    shared = 0.0 if "angle_offset_deg" in (capture.nuisances or {}) else poses.common_sigma_deg
+    # What all angles share is a nuisance of the fit; where the manifest forbids any, it widens each angle.
+    shared = poses.common_sigma_deg if capture.nuisances == {} else 0.0
     updated = tuple(_with_angle(frame, poses, seen, boxes, shared) for frame in capture.frames)
     geometry = OnBoard(poses.camera, seen, poses.common_sigma_deg)
+    common = {"angle_offset_deg": dict.fromkeys(capture.channels, poses.common_sigma_deg)}
     return (
-        replace(capture, geometry=geometry, frames=updated, nuisances=_nuisances(capture, poses)),
+        replace(capture, geometry=geometry, frames=updated, common_sigmas=capture.common_sigmas | common),
         {frames[path].file: why for path, why in rejected.items()},
     )
 
@@ -138,14 +138,6 @@ def _with_angle(
         theta_deg=math.degrees(float(theta)),
         theta_deg_sigma=math.hypot(poses.sigma_deg[seen[frame.path].view], shared),
     )
-
-
-def _nuisances(capture: Capture, poses: Poses[Path]) -> dict[str, float | None] | None:
-    """The default sigma of angle_offset_deg is what the board leaves open."""
-    stated = capture.nuisances
-    if stated is None or stated.get("angle_offset_deg", 0.0) is not None:
-        return stated
-    return {**stated, "angle_offset_deg": max(poses.common_sigma_deg, _LEAST_COMMON_DEG)}
 
 
 def _sphere(capture: Capture, progress: Progress | None) -> tuple[Capture, dict[str, str]]:

@@ -24,6 +24,7 @@ _BLOCKS = 16  # across and down: enough that each is evenly lit
 _LEAST_SIDE = 8
 # Of a block: more clipped pixels than this share, and the variance is too low.
 _CLIPPED_SHARE = 1e-3
+_USED_SHARE = 0.5
 _ROUNDS = 4  # of reweighting, which converges to 1e-4 in two
 
 
@@ -88,6 +89,7 @@ def compare_pair(
     clip: float,
     *,
     dark: bool = False,
+    hot: NDArray[np.bool_] | None = None,
 ) -> PairBlocks:
     """Block statistics of one plane of two frames.
 
@@ -101,6 +103,8 @@ def compare_pair(
         DN from which a pixel counts as clipped.  So do those at 0, where noise below black is cut off.
     dark : bool
         Frames without light, which have no common scale.
+    hot : bool, shape (h, w), optional
+        Pixels that are left out: their dark current has a noise of its own.
     """
     side = max(_LEAST_SIDE, min(first.shape) // _BLOCKS)
     rows, columns = first.shape[0] // side, first.shape[1] // side
@@ -111,21 +115,26 @@ def compare_pair(
         return cut.swapaxes(1, 2).reshape(rows * columns, side, side)
 
     lost = (first >= clip) | (second >= clip) | (first == 0) | (second == 0)
-    kept = blocks(lost).mean(axis=(1, 2)) <= _CLIPPED_SHARE
+    used = blocks(np.ones(first.shape, dtype=bool) if hot is None else ~hot)
+    shares = used.mean(axis=(1, 2)), (blocks(lost) & used).mean(axis=(1, 2))
+    kept = (shares[0] >= _USED_SHARE) & (shares[1] <= _CLIPPED_SHARE)
+    used = used[kept]
     # In float32 counts are good to 1e-3 DN, at half the memory.
     a, b = (blocks(image.astype(np.float32) - np.float32(black))[kept] for image in (first, second))
-    mean_a, mean_b = (counts.mean(axis=(1, 2), dtype=np.float64) for counts in (a, b))
+    mean_a, mean_b = (counts.mean(axis=(1, 2), dtype=np.float64, where=used) for counts in (a, b))
     if dark and len(a):
         # One level: the weights below would follow its scatter, and favour the blocks that came out dark.
         mean_a, mean_b = (np.full(len(a), mean.mean()) for mean in (mean_a, mean_b))
     scale = 1.0 if dark or not np.sum(mean_b) > 0 else float(np.sum(mean_a) / np.sum(mean_b))
+    both = used[:, :, 1:] & used[:, :, :-1]
+    fixed = np.mean(np.diff(a, axis=2) * np.diff(b, axis=2), axis=(1, 2), dtype=np.float64, where=both) / 2
     return PairBlocks(
         signal=mean_a + scale**2 * mean_b,
         frames=np.full(len(a), 1 + scale**2),
-        variance=np.var(a - np.float32(scale) * b, axis=(1, 2), ddof=1, dtype=np.float64),
+        variance=np.var(a - np.float32(scale) * b, axis=(1, 2), ddof=1, dtype=np.float64, where=used),
         level=(mean_a + mean_b) / 2,
-        fixed=np.asarray(np.mean(np.diff(a, axis=2) * np.diff(b, axis=2), axis=(1, 2), dtype=np.float64) / 2),
-        pixels=np.full(len(a), side * side),
+        fixed=np.asarray(fixed),
+        pixels=np.asarray(used.sum(axis=(1, 2)), dtype=np.int64),
     )
 
 

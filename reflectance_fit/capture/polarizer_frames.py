@@ -6,8 +6,6 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from reflectance_fit.capture.calibrate import Calibrated
 from reflectance_fit.capture.frames import Capture, Frame
 from reflectance_fit.capture.polarizer import PolarizerFit, combine, fit_polarizer
@@ -48,7 +46,13 @@ def with_polarizer(capture: Capture, series: Sequence[Calibrated]) -> tuple[Capt
     told = []
     if not capture.polarizer_stated:
         measured = {channel: fit.diattenuation for channel, fit in fits.items()}
-        capture = replace(capture, diattenuation=capture.diattenuation | measured)
+        # The nuisance multiplies the diattenuation.
+        relative = {channel: fit.diattenuation_sigma / fit.diattenuation for channel, fit in fits.items()}
+        capture = replace(
+            capture,
+            diattenuation=capture.diattenuation | measured,
+            common_sigmas=capture.common_sigmas | {"diattenuation": relative},
+        )
         words = ", ".join(f"{channel} {_ratio(fit)}" for channel, fit in fits.items())
         told.append(f"extinction ratio by the polarizer frames: {words}")
     zeros = [fit for fit in fits.values() if _knows_source(series) and not math.isnan(fit.axis_error)]
@@ -140,16 +144,14 @@ def _knows_source(series: Sequence[Calibrated]) -> bool:
 
 
 def _turned(capture: Capture, error_deg: float, sigma_deg: float) -> Capture:
-    """All analyzers turned by the error, and a stated nuisance of the axis narrowed to its sigma."""
+    """All analyzers turned by the error, whose sigma they share."""
     frames = tuple(replace(f, analyzer_deg=f.analyzer_deg + error_deg) for f in capture.frames)
     layout = capture.reading.layout_deg
     if layout is not None:
         layout = tuple(tuple(axis + error_deg for axis in row) for row in layout)
-    nuisances = capture.nuisances
-    if nuisances is not None and nuisances.get("analyzer_offset_deg", 0.0) is None:
-        nuisances = nuisances | {"analyzer_offset_deg": max(sigma_deg, np.finfo(float).tiny)}
+    common = capture.common_sigmas | {"analyzer_offset_deg": dict.fromkeys(capture.channels, sigma_deg)}
     return replace(
-        capture, frames=frames, reading=replace(capture.reading, layout_deg=layout), nuisances=nuisances
+        capture, frames=frames, reading=replace(capture.reading, layout_deg=layout), common_sigmas=common
     )
 
 

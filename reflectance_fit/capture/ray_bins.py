@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reflectance_fit.capture.bins import BoolArray, Box, FloatArray, Region
+from reflectance_fit.capture.bins import BoolArray, Box, FloatArray, Region, Ringed
 from reflectance_fit.capture.camera import Camera, Vector, ball_incidence, incidence
 
 _RIM = 64  # rays around a ball, to find the box that holds it
 
 
 @dataclass(frozen=True, slots=True)
-class PlaneBins:
+class PlaneBins(Ringed):
     """A flat sample in a region of the picture, one normal (towards the camera) for all of it."""
 
     camera: Camera
@@ -23,10 +23,6 @@ class PlaneBins:
     analyzer: float | None
     edges: tuple[float, ...]
     sectors: int = 1
-
-    @property
-    def count(self) -> int:
-        return (len(self.edges) - 1) * self.sectors
 
     @property
     def curvature(self) -> float:
@@ -44,7 +40,7 @@ class PlaneBins:
 
 
 @dataclass(frozen=True, slots=True)
-class BallBins:
+class BallBins(Ringed):
     """An opaque ball that fills the cone of ``half_angle`` (radians) about ``axis`` (a unit vector)."""
 
     camera: Camera
@@ -53,10 +49,6 @@ class BallBins:
     analyzer: float | None
     edges: tuple[float, ...]
     sectors: int
-
-    @property
-    def count(self) -> int:
-        return (len(self.edges) - 1) * self.sectors
 
     @property
     def curvature(self) -> float:

@@ -70,6 +70,7 @@ def read_capture(path: str | Path) -> Capture:
             for i, (entry, where) in enumerate(zip(manifest.frames, paths, strict=True))
         ),
         nuisances=manifest.nuisances_by_name(),
+        common_sigmas={},
         priors=manifest.priors.by_name(),
         inputs=(
             (path.name, sha256_of(path)),

@@ -39,7 +39,7 @@ _ENOUGH = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-7)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """A frame as it is compared: the mean of blocks of ``pitch`` x ``pitch`` sensor pixels, DN above black."""
+    """A frame as it is compared: the texture of the means of blocks of ``pitch`` x ``pitch`` sensor pixels."""
 
     picture: Picture
     pitch: int
@@ -59,7 +59,13 @@ class Match:
 
 
 def view_of(frame: RawFrame) -> View:
-    """Whole colour cells of ``frame``, as many together as make at most a megapixel.
+    """``frame`` as it is compared."""
+    blocks, pitch = blocks_of(frame)
+    return View(_texture(blocks), pitch)
+
+
+def blocks_of(frame: RawFrame) -> tuple[Picture, int]:
+    """Whole colour cells of ``frame``, as many together as make at most a megapixel: means above black, and their pitch.
 
     All planes of a cell go into its mean alike, so nothing is interpolated
     between them; frames of one sensor share what their places differ by.
@@ -77,7 +83,7 @@ def view_of(frame: RawFrame) -> View:
             picture += frame.cfa[y : rows * pitch : pitch, x : columns * pitch : pitch]
     picture /= np.float32(pitch**2)
     picture -= np.float32(frame.black.mean())
-    return View(picture, pitch)
+    return picture, pitch
 
 
 def match(first: View, other: View, motion: Motion, sample: Box | None = None) -> Match:
@@ -95,7 +101,7 @@ def match(first: View, other: View, motion: Motion, sample: Box | None = None) -
     """
     if first.picture.shape != other.picture.shape or first.pitch != other.pitch:
         raise ValueError("the pictures differ in size; use frames of one camera setting")
-    one, two = _textures(first.picture), _textures(other.picture)
+    one, two = first.picture, other.picture
     margin = min(_MARGIN, *(side // 4 for side in one.shape))
     inside = np.zeros(one.shape, dtype=np.uint8)
     inside[margin:-margin, margin:-margin] = 1
@@ -117,15 +123,15 @@ def _blocks(along: slice, pitch: int) -> slice:
 def _climb(one: Picture, two: Picture, inside: NDArray[np.uint8], motion: Motion, pitch: int) -> Match:
     """The largest correlation near where the pictures' cross-correlation is largest."""
     right, down = _seed(one * inside, two * inside)
-    seed = np.array([[1.0, 0.0, right], [0.0, 1.0, down]], dtype=np.float32)
     kind = cv2.MOTION_TRANSLATION if motion == "translation" else cv2.MOTION_EUCLIDEAN
-    warp = np.vstack([seed, (0.0, 0.0, 1.0)])
+    warp = np.array([[1.0, 0.0, right], [0.0, 1.0, down], [0.0, 0.0, 1.0]])
     try:
         # It interpolates linearly, which is another blur at each fraction of a pixel and pulls by up to 0.02 of
         # one.  So the picture is moved by a spline to where it was found, and what is left is found once more.
-        for _ in range(2):
-            start = np.eye(2, 3, dtype=np.float32)
-            correlation, step = cv2.findTransformECC(one, _moved(two, warp), start, kind, _ENOUGH, inside, 1)
+        orders: tuple[Literal[0, 3], ...] = (0, 3)
+        for order in orders:  # by whole pixels first, which needs no spline
+            start, moved = np.eye(2, 3, dtype=np.float32), _moved(two, warp, order)
+            correlation, step = cv2.findTransformECC(one, moved, start, kind, _ENOUGH, inside, 1)
             warp = warp @ np.vstack([step, (0.0, 0.0, 1.0)])
     except cv2.error:  # it does not converge, or the pictures have nothing in common
         return Match(Shift(), 0.0)
@@ -139,16 +145,17 @@ def _climb(one: Picture, two: Picture, inside: NDArray[np.uint8], motion: Motion
     return Match(Shift(((a, b), (c, d)), offset), max(float(correlation), 0.0))
 
 
-def _moved(picture: Picture, warp: NDArray[np.float64]) -> Picture:
-    """What ``picture`` shows at ``warp`` of each place (x, y); edges are repeated."""
+def _moved(picture: Picture, warp: NDArray[np.float64], order: Literal[0, 3]) -> Picture:
+    """What ``picture`` shows at ``warp`` of each place (x, y), by splines of ``order``; edges are repeated."""
     (a, b, right), (c, d, down) = warp[:2].tolist()
     # scipy counts rows first.
     return np.asarray(
-        affine_transform(picture, [[d, c], [b, a]], (down, right), order=3, mode="nearest"), dtype=np.float32
+        affine_transform(picture, [[d, c], [b, a]], (down, right), order=order, mode="nearest"),
+        dtype=np.float32,
     )
 
 
-def _textures(picture: Picture) -> Picture:
+def _texture(picture: Picture) -> Picture:
     """The picture without its shading and as contrasty everywhere."""
     bright = max(float(np.percentile(picture, 99)), 1.0)
     logarithm = np.log(np.maximum(picture, 0.0) + np.float32(_DARK * bright))

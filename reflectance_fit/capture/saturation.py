@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from reflectance_fit.capture.plane_means import PlaneMeans
 from reflectance_fit.capture.raw import Plane
-from reflectance_fit.capture.reduce import FrameMeans, PlaneMeans
+from reflectance_fit.capture.reduce import FrameMeans
 
 
 def clipped_alike(means: Mapping[Path, FrameMeans]) -> dict[Path, FrameMeans]:

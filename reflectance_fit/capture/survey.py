@@ -178,7 +178,7 @@ class _Looks:
     def _above_dark(self, frame: Frame, shown: CellPicture) -> FloatArray:
         """DN per second above the darks, shape (planes, h, w)."""
         darks = [
-            # A hot pixel clips its cell of the dark too: it tells nothing there.
+            # A clipped cell of a dark tells nothing.
             np.where(np.isfinite(picture.means), picture.means, np.nan)
             for dark in darks_for(frame, self._capture.frames, self._settings)
             if (picture := self._load(dark, shown))

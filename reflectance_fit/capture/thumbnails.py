@@ -113,8 +113,10 @@ def grid_over(box: Box, shape: tuple[int, int], n: int) -> CellGrid:
     return CellGrid(left, top, pitch, height // pitch, width // pitch)
 
 
-def cell_means(frame: RawFrame, box: Box, shift: Shift | None = None) -> CellPicture:
-    """The means over the cells of ``box``.
+def cell_means(
+    frame: RawFrame, box: Box, shift: Shift | None = None, mask: Mask | None = None
+) -> CellPicture:
+    """The means over the cells of ``box``, less the pixels of ``mask``; NaN where a cell has no others.
 
     With ``shift`` the cells are those of the view's first frame, moved by whole patterns.
     """
@@ -127,7 +129,7 @@ def cell_means(frame: RawFrame, box: Box, shift: Shift | None = None) -> CellPic
     if means.size:
         clipped = bool(np.any(frame.cfa.max() >= frame.clip))
         for plane, mean in zip(planes, means, strict=True):
-            sites = [_site(frame, grid, site, moved, clipped=clipped) for site in frame.sites(plane)]
+            sites = [_site(frame, grid, site, moved, mask, clipped=clipped) for site in frame.sites(plane)]
             mean[...] = sum(sites[1:], sites[0]) / len(sites)
     return CellPicture(planes, grid, shape, means)
 
@@ -144,7 +146,13 @@ def _whole(shift: Shift | None, grid: CellGrid, n: int) -> tuple[int, int]:
 
 
 def _site(
-    frame: RawFrame, grid: CellGrid, site: tuple[int, int], moved: tuple[int, int], *, clipped: bool
+    frame: RawFrame,
+    grid: CellGrid,
+    site: tuple[int, int],
+    moved: tuple[int, int],
+    mask: Mask | None,
+    *,
+    clipped: bool,
 ) -> Picture:
     """The means over the pixels of one position of the pattern; NaN where the cells leave the picture."""
     import cv2  # here, for only workers need it
@@ -161,15 +169,34 @@ def _site(
         return mean
     y0, x0 = top + first_row * grid.pitch, left + first_column * grid.pitch
     y1, x1 = top + rows * grid.pitch, left + columns * grid.pitch
-    pixels = frame.cfa[y0 + (site[0] - y0) % n : y1 : n, x0 + (site[1] - x0) % n : x1 : n]
+    down, across = slice(y0 + (site[0] - y0) % n, y1, n), slice(x0 + (site[1] - x0) % n, x1, n)
+    pixels = frame.cfa[down, across]
     size = (columns - first_column, rows - first_row)
+    masked = None if mask is None else mask.rows(down)[:, across]
     # INTER_AREA by a whole factor is the mean over blocks.
-    blocks = cv2.resize(pixels.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    blocks: Picture = np.asarray(
+        cv2.resize(pixels.astype(np.float32), size, interpolation=cv2.INTER_AREA), dtype=np.float32
+    )
+    if masked is not None:
+        _take_out(blocks, pixels, masked, grid.pitch // n)
     inner = np.asarray(blocks - np.float32(frame.black[site]), dtype=np.float32)
     if clipped:
-        share = cv2.resize(
-            (pixels >= frame.clip[site]).astype(np.float32), size, interpolation=cv2.INTER_AREA
-        )
+        above = pixels >= frame.clip[site]
+        if masked is not None:
+            above &= ~masked
+        share = cv2.resize(above.astype(np.float32), size, interpolation=cv2.INTER_AREA)
         inner[share > 0] = np.inf
     mean[first_row:rows, first_column:columns] = inner
     return mean
+
+
+def _take_out(blocks: Picture, pixels: NDArray[np.uint16], masked: NDArray[np.bool_], side: int) -> None:
+    """Make the means of ``blocks`` of side x side ``pixels`` those of the pixels that are not ``masked``, in place."""
+    y, x = np.nonzero(masked)
+    cell = np.ravel_multi_index((y // side, x // side), blocks.shape)
+    number = np.bincount(cell, minlength=blocks.size)
+    total = np.bincount(cell, weights=pixels[y, x], minlength=blocks.size)
+    cells = np.flatnonzero(number)
+    left = side**2 - number[cells]
+    kept = side**2 * blocks.flat[cells].astype(np.float64) - total[cells]
+    blocks.flat[cells] = np.where(left > 0, kept / np.maximum(left, 1), np.nan)

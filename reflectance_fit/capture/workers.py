@@ -30,7 +30,7 @@ Job = tuple[Path, "Callable[Concatenate[Path, ...], T]", tuple[Any, ...]]
 _MOST = 8
 _START_S = 60.0  # a machine may be busy; usually it takes a third of a second
 # One thread a worker: more would fight for the cores, and reserve address space that counts against the limit.
-_ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +131,7 @@ class _Worker:
             self._process = subprocess.Popen(
                 [sys.executable, "-c", code],
                 pass_fds=[theirs.fileno()],
-                env=os.environ | _ONE_THREAD,
+                env=os.environ | ONE_THREAD,
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
             )

@@ -17,11 +17,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.inference import likelihood
-from reflectance_fit.inference.forward import DARK, DIATTENUATION, DIFFUSE, ETA, FIRST_SIGMA, K, turns_of
+from reflectance_fit.inference.forward import (
+    DARK,
+    DIATTENUATION,
+    DIFFUSE,
+    ETA,
+    FIRST_SIGMA,
+    SOURCE,
+    K,
+    Optics,
+    optics_of,
+    reading,
+    turns_of,
+)
 from reflectance_fit.inference.models import Model
-from reflectance_fit.inference.rows import DOLP, LAST_POWER, RATIO, REFLECTANCE, REFLECTANCE_S, SIGNAL, Rows
-from reflectance_fit.physics.jit import kernel
-from reflectance_fit.physics.kernels import analyzer_signal, interface
+from reflectance_fit.inference.rows import DOLP, LAST_POWER, RATIO, Rows
+from reflectance_fit.physics.jit import kernel, shared
+from reflectance_fit.physics.kernels import interface
 
 FloatArray = NDArray[np.float64]
 
@@ -50,56 +62,68 @@ def serves(rows: Rows) -> bool:
     return bool(rows.code.max() <= DOLP)
 
 
-@kernel
-def _add_model(
+@shared
+def _reflect(c: float, s: float, crossed: bool, block: FloatArray, count: int, out: FloatArray) -> None:
+    """`interface` at one angle for every vector of a block, into the lines of ``out``; the last two if ``crossed``."""
+    eta, k, cos_offset, sin_offset = block[0], block[1], block[2], block[3]
+    # Apart, because what is not asked for is not computed either.
+    if crossed:
+        for d in range(count):
+            turned = c * cos_offset[d] - s * sin_offset[d], s * cos_offset[d] + c * sin_offset[d]
+            found = interface(max(turned[0], 0.0), turned[1], eta[d], k[d])
+            out[0, d], out[1, d], out[2, d], out[3, d] = found
+    else:
+        for d in range(count):
+            turned = c * cos_offset[d] - s * sin_offset[d], s * cos_offset[d] + c * sin_offset[d]
+            r_s, r_p, _, _ = interface(max(turned[0], 0.0), turned[1], eta[d], k[d])
+            out[0, d], out[1, d] = r_s, r_p
+
+
+@shared
+def _read(
     code: int,
-    incidence: tuple[float, float],
-    given: tuple[float, float, float, float],
-    axis: tuple[float, float],
-    retarder: tuple[float, float, float, float],
-    diattenuation: float,
+    optics: Optics,
+    share: float,
+    reflection: FloatArray,
     block: FloatArray,
-    half: float,
+    count: int,
     out: FloatArray,
 ) -> None:
-    """Add ``half`` of one row's reading at one angle, for every vector of a block (lines: see ``_lines``)."""
-    count = out.shape[0]
-    eta, k, cos_offset, sin_offset = block[0], block[1], block[2], block[3]
-    c0, s0 = incidence
-    if code > LAST_POWER:
+    """Add ``share`` of what a row reads of ``reflection``, for every vector of a block (lines: see ``_lines``)."""
+    if code == RATIO:
         for d in range(count):
-            c, s = c0 * cos_offset[d] - s0 * sin_offset[d], s0 * cos_offset[d] + c0 * sin_offset[d]
-            r_s, r_p, _, _ = interface(max(c, 0.0), s, eta[d], k[d])
-            out[d] += half * (r_p / r_s if code == RATIO else (r_s - r_p) / (r_s + r_p))
-        return
-    if code <= REFLECTANCE:
-        of_s = half * (1.0 if code == REFLECTANCE_S else 0.5 if code == REFLECTANCE else 0.0)
+            out[d] += share * (reflection[1, d] / reflection[0, d])
+    elif code > LAST_POWER:
         for d in range(count):
-            c, s = c0 * cos_offset[d] - s0 * sin_offset[d], s0 * cos_offset[d] + c0 * sin_offset[d]
-            r_s, r_p, _, _ = interface(max(c, 0.0), s, eta[d], k[d])
-            out[d] += of_s * r_s + (half - of_s) * r_p
-        return
-    # signal_s and signal_p are R_s and R_p times a gain; an analyzer passes half of unpolarized light.
-    scale = half if code == SIGNAL else 2.0 * half
-    unpolarized = given[0] - math.sqrt(given[1] ** 2 + given[2] ** 2 + given[3] ** 2)
-    for d in range(count):
-        c, s = c0 * cos_offset[d] - s0 * sin_offset[d], s0 * cos_offset[d] + c0 * sin_offset[d]
-        reflection = interface(max(c, 0.0), s, eta[d], k[d])
-        light = (
-            given[0],
-            given[1] + unpolarized * block[6, d],
-            given[2] + unpolarized * block[7, d],
-            given[3],
-        )
-        analyzer = (
-            axis[0] * block[4, d] - axis[1] * block[5, d],
-            axis[1] * block[4, d] + axis[0] * block[5, d],
-        )
-        passed = analyzer_signal(reflection, light, analyzer, retarder, diattenuation * block[8, d])
-        out[d] += scale * passed
+            r_s, r_p = reflection[0, d], reflection[1, d]
+            out[d] += share * ((r_s - r_p) / (r_s + r_p))
+    else:
+        for d in range(count):
+            turns = (1.0, 0.0, block[4, d], block[5, d], block[6, d], block[7, d], block[8, d])
+            found = reflection[0, d], reflection[1, d], reflection[2, d], reflection[3, d]
+            out[d] += share * reading(code, optics, found, turns)
 
 
-@kernel
+@shared
+def _responses(rows: Rows, vectors: FloatArray) -> tuple[FloatArray, bool]:
+    """What each row reads of each of the four numbers of a reflection alone, shape (N, 4).
+
+    A power is linear in them; False where vectors differ in the optics and each would have its own.
+    """
+    found, alone = np.zeros((len(rows.code), 4)), np.eye(4)
+    for d in range(1, len(vectors)):
+        for j in range(SOURCE, FIRST_SIGMA):
+            if vectors[d, j] != vectors[0, j]:
+                return found, False
+    for i in range(len(rows.code) if len(vectors) > 0 else 0):
+        turns = turns_of(vectors[0])
+        for part in range(4 if rows.code[i] <= LAST_POWER else 0):
+            one = alone[part, 0], alone[part, 1], alone[part, 2], alone[part, 3]
+            found[i, part] = reading(rows.code[i], optics_of(rows, i), one, turns)
+    return found, True
+
+
+@shared
 def _lines(rows: Rows, vectors: FloatArray, block: FloatArray) -> None:
     """What rows need of each vector: relative eta and k; cosine and sine of the angle offset and of twice the
     analyzer's; the source's added S1 and S2; diattenuation, dark offset, diffuse light."""
@@ -112,57 +136,103 @@ def _lines(rows: Rows, vectors: FloatArray, block: FloatArray) -> None:
         block[8, d], block[9, d], block[10, d] = p[DIATTENUATION], p[DARK], p[DIFFUSE]
 
 
+@shared
+def _by_setting(rows: Rows) -> NDArray[np.int64]:
+    """The rows in an order in which those of one angle, mostly, follow one another."""
+    first = np.zeros(rows.settings + 1, dtype=np.int64)
+    setting = rows.setting
+    for i in range(len(setting)):
+        first[setting[i] + 1] += 1
+    for a in range(rows.settings):
+        first[a + 1] += first[a]
+    order = np.empty(len(setting), dtype=np.int64)
+    for i in range(len(setting)):
+        order[first[setting[i]]] = i
+        first[setting[i]] += 1
+    return order
+
+
 @kernel
 def blocks(rows: Rows, vectors: FloatArray) -> FloatArray:
     """``likelihood.log_likelihoods`` for rows that it `serves`."""
     n, estimated = len(rows.value), vectors.shape[1] - FIRST_SIGMA
+    # Taken out of their tuple once: in a loop each time costs two atomic counts.
+    codes, gain_of, estimated_of, value, largest = (
+        rows.code,
+        rows.gain,
+        rows.estimated,
+        rows.value,
+        rows.largest,
+    )
+    sigma, cos, sin, cos_spread, sin_spread = (
+        rows.sigma,
+        rows.cos_theta,
+        rows.sin_theta,
+        rows.cos_spread,
+        rows.sin_spread,
+    )
+    order = _by_setting(rows)
+    responses, steady = _responses(rows, vectors)
     out = np.empty(len(vectors))
-    block, model, target = np.empty((11, _BLOCK)), np.empty((n, _BLOCK)), np.empty((n, _BLOCK))
-    weight = np.empty((estimated + 1, _BLOCK))
+    block, model = np.empty((11, _BLOCK)), np.empty((n, _BLOCK))
+    reflections = np.zeros((2, 4, _BLOCK))
+    weight = np.ones((estimated + 1, _BLOCK))  # the last line of stated sigmas
     normal, gains = np.empty((rows.gains, _BLOCK)), np.empty((rows.gains, _BLOCK))
     chi2, rest = np.empty(_BLOCK), np.empty(_BLOCK)
-    stated = 0.0
+    stated, across = 0.0, False
     for i in range(n):
-        if rows.estimated[i] < 0:
-            stated += 2 * math.log(rows.sigma[i])
+        if estimated_of[i] < 0:
+            stated += 2 * math.log(sigma[i])
+        across = across or (codes[i] <= LAST_POWER and (rows.light[i, 2] != 0 or rows.light[i, 3] != 0))
     for first in range(0, len(vectors), _BLOCK):
         count = min(_BLOCK, len(vectors) - first)
         part = vectors[first : first + count]
         _lines(rows, part, block)
+        crossed = across
+        for d in range(count):
+            crossed = crossed or block[7, d] != 0
         model[:], normal[:], gains[:], chi2[:], rest[:] = 0.0, 0.0, 0.0, 0.0, -0.5 * stated
         for e in range(estimated):
             for d in range(count):
                 weight[e, d] = math.exp(-2 * part[d, FIRST_SIGMA + e])
-        for i in range(n):
-            code, g, e = rows.code[i], rows.gain[i], rows.estimated[i]
-            c, s, a, b = rows.cos_theta[i], rows.sin_theta[i], rows.cos_spread[i], rows.sin_spread[i]
-            given = rows.light[i, 0], rows.light[i, 1], rows.light[i, 2], rows.light[i, 3]
-            axis = rows.analyzer[i, 0], rows.analyzer[i, 1]
-            retarder = rows.retarder[i, 0], rows.retarder[i, 1], rows.retarder[i, 2], rows.retarder[i, 3]
-            ideal = rows.diattenuation[i]
-            f, t = model[i, :count], target[i, :count]
-            if b > 0:
-                below, above = (c * a + s * b, s * a - c * b), (c * a - s * b, s * a + c * b)
-                _add_model(code, below, given, axis, retarder, ideal, block, 0.5, f)
-                _add_model(code, above, given, axis, retarder, ideal, block, 0.5, f)
-            else:
-                _add_model(code, (c, s), given, axis, retarder, ideal, block, 1.0, f)
-            power = 1.0 if code <= LAST_POWER else 0.0
-            value, largest = rows.value[i], rows.largest[i]
-            for d in range(count):
-                t[d] = value - power * (block[9, d] + block[10, d] * largest)
-                # Beyond grazing there is no reading.
-                rest[d] += 0.0 if c * block[2, d] - s * block[3, d] > 0 else -math.inf
-            if e < 0:
-                weight[estimated, :count] = 1 / rows.sigma[i] ** 2
-            else:
+        before = -1
+        for at in range(n):
+            i = order[at]
+            code, g, e = codes[i], gain_of[i], estimated_of[i]
+            c, s, a, b = cos[i], sin[i], cos_spread[i], sin_spread[i]
+            sides = 2 if b > 0 else 1
+            if before < 0 or c != cos[before] or s != sin[before] or b != sin_spread[before]:
+                for side in range(sides):
+                    sign = 0.0 if sides == 1 else 1.0 - 2.0 * side
+                    cc, ss = (c * a + sign * s * b, s * a - sign * c * b) if sides == 2 else (c, s)
+                    _reflect(cc, ss, crossed, block, count, reflections[side])
                 for d in range(count):
-                    rest[d] -= part[d, FIRST_SIGMA + e]
-            w = weight[e if e >= 0 else estimated]
+                    # Beyond grazing there is no reading.
+                    rest[d] += 0.0 if c * block[2, d] - s * block[3, d] > 0 else -math.inf
+            before = i
+            f, share = model[i], 1.0 / sides
+            for side in range(sides):
+                found = reflections[side]
+                if not steady or code > LAST_POWER:
+                    _read(code, optics_of(rows, i), share, found, block, count, f)
+                    continue
+                of_s, of_p = share * responses[i, 0], share * responses[i, 1]
+                of_re, of_im = share * responses[i, 2], share * responses[i, 3]
+                for d in range(count):
+                    f[d] += of_s * found[0, d] + of_p * found[1, d]
+                for d in range(count if crossed else 0):
+                    f[d] += of_re * found[2, d] + of_im * found[3, d]
+            power = 1.0 if code <= LAST_POWER else 0.0
+            y, unit = value[i], power * largest[i]
+            w, scale = weight[e if e >= 0 else estimated], 1.0 if e >= 0 else 1 / sigma[i] ** 2
             if g >= 0:
                 for d in range(count):
-                    normal[g, d] += w[d] * f[d] * f[d]
-                    gains[g, d] += w[d] * f[d] * t[d]
+                    wf = scale * w[d] * f[d]
+                    normal[g, d] += wf * f[d]
+                    gains[g, d] += wf * (y - power * block[9, d] - unit * block[10, d])
+            if e >= 0:
+                for d in range(count):
+                    rest[d] -= part[d, FIRST_SIGMA + e]
         for g in range(rows.gains):
             for d in range(count):
                 gains[g, d] /= normal[g, d]
@@ -171,21 +241,17 @@ def blocks(rows: Rows, vectors: FloatArray) -> FloatArray:
                     rest[d] = -math.inf
                     continue
                 u2 = min(1 / (normal[g, d] * gain * gain), 0.04)
-                rest[d] += math.log(1 + u2 * (1 + u2 * (3 + 15 * u2))) - math.log(gain)
-                rest[d] -= 0.5 * math.log(normal[g, d])
+                rest[d] += math.log((1 + u2 * (1 + u2 * (3 + 15 * u2))) / (gain * math.sqrt(normal[g, d])))
         for i in range(n):
-            g, e = rows.gain[i], rows.estimated[i]
-            f, t = model[i], target[i]
-            if e < 0:
-                weight[estimated, :count] = 1 / rows.sigma[i] ** 2
-            w = weight[e if e >= 0 else estimated]
-            if g >= 0:
-                for d in range(count):
-                    chi2[d] += w[d] * (t[d] - gains[g, d] * f[d]) ** 2
-            else:
-                for d in range(count):
-                    chi2[d] += w[d] * (t[d] - f[d]) ** 2
+            g, e, f = gain_of[i], estimated_of[i], model[i]
+            power = 1.0 if codes[i] <= LAST_POWER else 0.0
+            y, unit = value[i], power * largest[i]
+            w, scale = weight[e if e >= 0 else estimated], 1.0 if e >= 0 else 1 / sigma[i] ** 2
+            for d in range(count):
+                t = y - power * block[9, d] - unit * block[10, d]
+                residual = t - (gains[g, d] * f[d] if g >= 0 else f[d])
+                chi2[d] += scale * w[d] * residual * residual
         for d in range(count):
-            value = rest[d] - 0.5 * chi2[d]
-            out[first + d] = value if math.isfinite(value) else -math.inf
+            total = rest[d] - 0.5 * chi2[d]
+            out[first + d] = total if math.isfinite(total) else -math.inf
     return out

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from reflectance_fit.inference import models, robust, search
 from reflectance_fit.inference.models import Model
@@ -15,7 +16,7 @@ from reflectance_fit.result import Noise, Optimum
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tried:
-    """A candidate at its optimum; ``nuisances`` and ``rows`` are those it was fitted with."""
+    """A candidate at its optimum; ``nuisances`` are those that were asked for, ``rows`` what it was fitted to."""
 
     model: Model
     nuisances: tuple[str, ...]
@@ -39,7 +40,11 @@ class Tried:
 
 
 class Candidates:
-    """Fits models on demand, each once; with the nuisances of ``sigmas`` (name -> sigma) that are asked for."""
+    """Fits models on demand, each once; with the nuisances of ``sigmas`` (name -> sigma) that are asked for.
+
+    Those that are ``known`` (name -> measured sigma) are in every model; one that is asked for has the sigma of
+    ``sigmas`` instead.
+    """
 
     def __init__(
         self,
@@ -48,9 +53,10 @@ class Candidates:
         priors: Mapping[str, Prior],
         sigmas: Mapping[str, float],
         estimated: list[str],
+        known: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
         self._rows, self._gains, self._priors = rows, gains, priors
-        self._sigmas, self._estimated = sigmas, estimated
+        self._sigmas, self._estimated, self._known = sigmas, estimated, known
         self._tried: dict[tuple[str, frozenset[str], bool], Tried] = {}
 
     def __call__(self, name: str, nuisances: Iterable[str]) -> Tried:
@@ -59,7 +65,7 @@ class Candidates:
         key = (name, asked, False)
         if key not in self._tried:
             sigmas = {n: s for n, s in self._sigmas.items() if n in asked}
-            model = models.build(name, self._rows, self._priors, sigmas, self._estimated)
+            model = models.build(name, self._rows, self._priors, {**self._known, **sigmas}, self._estimated)
             optimum, basins = search.find(model, self._rows, self._gains)
             self._tried[key] = Tried(model, tuple(sigmas), self._rows, optimum, basins)
         return self._tried[key]

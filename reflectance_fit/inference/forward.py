@@ -43,17 +43,20 @@ Optics = tuple[
 @shared
 def turns_of(p: FloatArray) -> Turns:
     """The trigonometry of a vector, once for all rows."""
-    offset, analyzer = math.radians(p[OFFSET]), 2 * math.radians(p[ANALYZER])
-    azimuth = 2 * math.radians(p[AZIMUTH])
+    cos_azimuth, sin_azimuth = _cos_sin(2 * math.radians(p[AZIMUTH]))
     return (
-        math.cos(offset),
-        math.sin(offset),
-        math.cos(analyzer),
-        math.sin(analyzer),
-        p[SOURCE] * math.cos(azimuth),
-        p[SOURCE] * math.sin(azimuth),
+        *_cos_sin(math.radians(p[OFFSET])),
+        *_cos_sin(2 * math.radians(p[ANALYZER])),
+        p[SOURCE] * cos_azimuth,
+        p[SOURCE] * sin_azimuth,
         p[DIATTENUATION],
     )
+
+
+@shared
+def _cos_sin(angle: float) -> tuple[float, float]:
+    # Most vectors have most of their angles at 0.
+    return (1.0, 0.0) if angle == 0.0 else (math.cos(angle), math.sin(angle))
 
 
 @shared
@@ -107,8 +110,12 @@ def reading(code: int, optics: Optics, reflection: tuple[float, float, float, fl
 
 
 @shared
-def at_angle(rows: Rows, i: int, c: float, s: float, p: FloatArray, turns: Turns) -> float:
+def at_angle(
+    rows: Rows, i: int, c: float, s: float, p: FloatArray, turns: Turns, reflected: FloatArray, known: bool
+) -> float:
     """Row i's model value at an incidence of cosine ``c`` and sine ``s``: gain 1, no dark, no diffuse light.
+
+    ``known``: the angle is that of ``reflected``, which `reflect_all` has filled.
 
     A row that averages a range of angles gets the mean of two, one standard
     deviation to either side: exact to the third moment of the range.
@@ -123,7 +130,11 @@ def at_angle(rows: Rows, i: int, c: float, s: float, p: FloatArray, turns: Turns
         if b > 0:
             sign = 1.0 if side == 0 else -1.0
             cc, ss = max(c * a + sign * s * b, 0.0), s * a - sign * c * b
-        total += reading(code, optics, interface(cc, ss, eta / around, k / around), turns)
+        if known and sides == 1:
+            reflection = reflected[2, i], reflected[3, i], reflected[4, i], reflected[5, i]
+        else:
+            reflection = interface(cc, ss, eta / around, k / around)
+        total += reading(code, optics, reflection, turns)
     return total / sides if eta > 0 else math.nan
 
 
@@ -138,6 +149,27 @@ def incidence(rows: Rows, i: int, turns: Turns) -> tuple[float, float]:
 
 
 @shared
+def reflect_all(rows: Rows, p: FloatArray, turns: Turns, out: FloatArray) -> None:
+    """Of each row cosine and sine as `incidence` has them, and what `interface` says there, in ``out`` (6, N).
+
+    Without a branch, so that the compiler makes vector instructions of it: several rows for the price of one.
+    """
+    cos_theta, sin_theta, dispersion, around = (
+        rows.cos_theta,
+        rows.sin_theta,
+        rows.dispersion,
+        rows.exterior_ior,
+    )
+    eta, slope, k = p[ETA], p[SLOPE], p[K] / around
+    for i in range(out.shape[1]):
+        c = cos_theta[i] * turns[0] - sin_theta[i] * turns[1]
+        s = sin_theta[i] * turns[0] + cos_theta[i] * turns[1]
+        found = interface(max(c, 0.0), s, (eta + slope * dispersion[i]) / around, k)
+        out[0, i], out[1, i] = c, s
+        out[2, i], out[3, i], out[4, i], out[5, i] = found
+
+
+@shared
 def background(rows: Rows, i: int, p: FloatArray) -> float:
     """Dark offset and diffuse light of row i, in its own unit."""
     if rows.code[i] > LAST_POWER:
@@ -148,14 +180,16 @@ def background(rows: Rows, i: int, p: FloatArray) -> float:
 @kernel
 def predict_vectors(rows: Rows, vectors: FloatArray, gains: FloatArray) -> FloatArray:
     """Every row's value, gain and background applied, for each full parameter vector: shape (D, N)."""
-    out = np.empty((len(vectors), len(rows.code)))
+    n = len(rows.code)
+    out, reflected = np.empty((len(vectors), n)), np.empty((6, n))
     for d in range(len(vectors)):
         p = vectors[d]
         turns = turns_of(p)
-        for i in range(len(rows.code)):
+        reflect_all(rows, p, turns, reflected)
+        for i in range(n):
             gain = gains[rows.gain[i]] if rows.gain[i] >= 0 else 1.0
-            c, s = incidence(rows, i, turns)
-            out[d, i] = gain * at_angle(rows, i, max(c, 0.0), s, p, turns) + background(rows, i, p)
+            c, s = max(reflected[0, i], 0.0), reflected[1, i]
+            out[d, i] = gain * at_angle(rows, i, c, s, p, turns, reflected, True) + background(rows, i, p)
     return out
 
 

@@ -131,13 +131,14 @@ class _Batch:
 
     def equal(self, count: int, generator: np.random.Generator) -> tuple[FloatArray, FloatArray]:
         """``count`` draws a chain by systematic resampling, in random order."""
-        weights = self.by_chain
-        picks = np.empty((CHAINS, count), dtype=np.int64)
-        for chain, w in enumerate(weights):
-            places = (np.arange(count) + generator.random()) / count
-            found = np.minimum(np.searchsorted(np.cumsum(w), places), len(w) - 1)
-            picks[chain] = chain * len(w) + generator.permutation(found)
-        return self.x[picks], self.log_density[picks]
+        # How many of the places u, u + 1, ... lie below the end of each draw's share.
+        below = np.ceil(count * np.cumsum(self.by_chain, axis=1) - generator.random((CHAINS, 1)))
+        below[:, -1] = count
+        times = np.clip(below, 0, count).astype(np.int64)
+        times[:, 1:] = times[:, 1:] - times[:, :-1]
+        picks = np.repeat(np.arange(times.size), times.ravel()).reshape(CHAINS, count)
+        generator.permuted(picks, axis=1, out=picks)
+        return self.x.take(picks, axis=0), self.log_density.take(picks)
 
 
 def _tempered(batch: _Batch) -> FloatArray:
@@ -156,7 +157,8 @@ def _batch(
 
     x = proposal.draw(components, count, generator)
     density = log_density(x)
-    ratio = density - np.logaddexp.reduce(proposal.log_pdf(components, x), axis=0)
+    proposed = proposal.log_pdf(components, x)
+    ratio = density - (np.logaddexp.reduce(proposed, axis=0) if len(proposed) > 1 else proposed[0])
     possible = np.isfinite(ratio)
     if not possible.any():
         raise NothingDrawn("no draw of the proposal has a finite posterior")

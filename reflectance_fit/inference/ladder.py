@@ -137,8 +137,9 @@ def _log_density_of_scores(scores: Scores, rows: Rows) -> proposal.LogDensity:
         prior = scores.log_prior(z)
         inside = np.isfinite(prior)
         if inside.all():
-            return prior + likelihood(model.full(scores.to_model(z)))
-        prior[inside] += likelihood(model.full(scores.to_model(z[inside])))
+            prior += likelihood(model.full(scores.to_model(z)))
+        else:
+            prior[inside] += likelihood(model.full(scores.to_model(z[inside])))
         return prior
 
     return log_density
@@ -212,8 +213,10 @@ def _posterior(shear: Shear, method: Method, drawn: importance.Draws) -> Posteri
     scores, model = shear.scores, shear.scores.model
     z = shear.plain(drawn.x.reshape(-1, drawn.x.shape[-1]))
     x = scores.to_model(z)
-    # From the density of z to that of x: the likelihood is the same, the prior is not.
-    log_density = drawn.log_density + (model.log_prior(x) - scores.log_prior(z)).reshape(drawn.x.shape[:2])
+    log_density = drawn.log_density
+    if len(scores.bent):
+        # From the density of z to that of x: the likelihood is the same, the prior is not.
+        log_density = log_density + (model.log_prior(x) - scores.log_prior(z)).reshape(log_density.shape)
     return Posterior(
         model=model.name,
         method=method,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +43,9 @@ def at_basin(
     factor: FloatArray = np.diag(width) if width.ndim == 1 else width
     stencil = _stencil(size)
     for _ in range(_ROUNDS):
-        slope, curvature = _derivatives(value(x + stencil @ factor.T), size)
+        around = value(x + stencil @ factor.T)
+        here = float(around[0])
+        slope, curvature = _derivatives(around, size)
         values, vectors = np.linalg.eigh(curvature)
         values = np.clip(values, *_ONE_ROUND)
         along = (slope @ vectors) / np.sqrt(values)
@@ -54,9 +57,11 @@ def at_basin(
         if length > _SETTLED_STEP / 10:
             tried = x + (min(1.0, _LONGEST_STEP / length) * _STEPS)[:, None] * (factor @ along)
             tried = np.clip(np.vstack([x, tried]), low, high)
-            x = tried[np.argmax(value(tried))]
+            along_it = value(tried)
+            best = np.argmax(along_it)
+            x, here = tried[best], float(along_it[best])
     found = component(1.0, x, factor @ factor.T, ranges)
-    return float(log_density(x[None])[0] + np.sum(np.log(np.diag(found.factor)))), found
+    return here + float(np.log(found.factor.diagonal()).sum()), found
 
 
 def _limited(factor: FloatArray, ranges: FloatArray) -> FloatArray:
@@ -88,11 +93,18 @@ def first_widths(log_density: LogDensity, x: FloatArray, ranges: FloatArray) -> 
     return np.asarray(np.max(np.where(within, steps, steps[:, :1]), axis=1))
 
 
+@lru_cache(maxsize=16)
 def _stencil(size: int) -> FloatArray:
     """The centre, a step to either side along each axis, and the same along each pair of axes."""
     unit = np.eye(size)
     pairs = [unit[i] + unit[j] for i, j in itertools.combinations(range(size), 2)]
     return np.array([0 * unit[0], *unit, *-unit, *pairs, *(-pair for pair in pairs)])
+
+
+@lru_cache(maxsize=16)
+def _pairs(size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Row and column of each pair of axes, in the order of `_stencil`."""
+    return np.triu_indices(size, 1)
 
 
 def _derivatives(found: FloatArray, size: int) -> tuple[FloatArray, FloatArray]:
@@ -105,7 +117,7 @@ def _derivatives(found: FloatArray, size: int) -> tuple[FloatArray, FloatArray]:
         slope = 0.5 * (plus - minus)
         diagonal = 2 * found[0] - plus - minus
         along, against = found[2 * size + 1 :].reshape(2, -1)
-        rows, columns = np.triu_indices(size, 1)
+        rows, columns = _pairs(size)
         mixed = found[0] - 0.5 * (along + against + diagonal[rows] + diagonal[columns])
     slope = np.where(np.isfinite(slope), slope, 0.0)
     curvature = np.diag(np.where(np.isfinite(diagonal), diagonal, 1.0))

@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 
 from reflectance_fit.inference.censored import log_normal_cdf
 from reflectance_fit.inference.cholesky import cholesky_solve, inverse_diagonal
-from reflectance_fit.inference.forward import FIRST_SIGMA, at_angle, background, incidence, turns_of
+from reflectance_fit.inference.forward import FIRST_SIGMA, at_angle, background, reflect_all, turns_of
 from reflectance_fit.inference.rows import DELTA, Rows
 from reflectance_fit.inference.student import evaluate_heavy_tailed
 from reflectance_fit.physics.jit import kernel, shared
@@ -55,16 +55,17 @@ def design(
     """Fill model, slope, target and sigma of every row; False where an angle leaves [0, 90) degrees."""
     code, theta_sigma, value_of = rows.code, rows.theta_sigma, rows.value
     gain_of, estimated, stated = rows.gain, rows.estimated, rows.sigma
-    turns = turns_of(p)
+    turns, reflected = turns_of(p), np.empty((6, len(f)))
+    reflect_all(rows, p, turns, reflected)
     for i in range(len(f)):
-        c, s = incidence(rows, i, turns)
+        c, s = reflected[0, i], reflected[1, i]
         if not c > 0:
             return False
         f[i], slope[i], below = 0.0, 0.0, 0.0
         # Then a step to either side, whose cosine is 1 but for step^2 / 2, the same on both.
         for side in range(3 if theta_sigma[i] > 0 else 1):
             step = 0.0 if side == 0 else (-_STEP if side == 1 else _STEP)
-            value = at_angle(rows, i, max(c - s * step, 0.0), s + c * step, p, turns)
+            value = at_angle(rows, i, max(c - s * step, 0.0), s + c * step, p, turns, reflected, side == 0)
             if side == 0:
                 f[i] = value
             elif side == 1:
@@ -93,16 +94,19 @@ def evaluate_normal(
     n = len(rows.value)
     # Taken out of the tuple once: in a loop each time costs two atomic counts.
     gain_of, censored, setting, theta_sigma = rows.gain, rows.censored, rows.setting, rows.theta_sigma
-    f, slope, target, sigma = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    # Few arrays, as each costs as much as a row or two.
+    of_rows = np.empty((4, n))
+    f, slope, target, sigma = of_rows[0], of_rows[1], of_rows[2], of_rows[3]
     if not design(rows, p, f, slope, target, sigma):
         return math.nan, 0.0, 0.0
-    normal = np.zeros((rows.gains, rows.gains))
-    rhs = np.zeros(rows.gains)
+    of_gains = np.zeros((rows.gains + 2, rows.gains))
+    normal, rhs, variance = of_gains[2:], of_gains[0], of_gains[1]
     settings = rows.settings if rows.errors_in_angle else 0
-    coupling = np.zeros((settings, rows.gains))  # sum of f v / sigma^2
-    pull = np.zeros(settings)  # sum of v t / sigma^2
-    steepness = np.zeros(settings)  # sum of v^2 / sigma^2
-    share = np.zeros(settings)  # sigma_theta^2 / (1 + sigma_theta^2 steepness)
+    of_settings = np.zeros((3 + rows.gains, settings))
+    pull = of_settings[0]  # sum of v t / sigma^2
+    steepness = of_settings[1]  # sum of v^2 / sigma^2
+    share = of_settings[2]  # sigma_theta^2 / (1 + sigma_theta^2 steepness)
+    coupling = of_settings[3:]  # sum of f v / sigma^2, of each gain
     log_det_normal = 0.0
     for turn in range(_ROUNDS if rows.errors_in_angle else 1):
         for g in range(rows.gains):
@@ -112,7 +116,7 @@ def evaluate_normal(
         for a in range(settings if turn > 0 else 0):
             pull[a], steepness[a], share[a] = 0.0, 0.0, 0.0
             for g in range(rows.gains):
-                coupling[a, g] = 0.0
+                coupling[g, a] = 0.0
         for i in range(n):
             if censored[i]:
                 continue
@@ -126,16 +130,16 @@ def evaluate_normal(
                 pull[a] += w * v * target[i]
                 steepness[a] += w * v * v
                 if g >= 0:
-                    coupling[a, g] += w * v * f[i]
+                    coupling[g, a] += w * v * f[i]
         if turn > 0:
             for i in range(n):
                 a = setting[i]
                 share[a] = theta_sigma[i] ** 2 / (1 + theta_sigma[i] ** 2 * steepness[a])
             for a in range(settings):
                 for g in range(rows.gains):
-                    rhs[g] -= share[a] * coupling[a, g] * pull[a]
+                    rhs[g] -= share[a] * coupling[g, a] * pull[a]
                     for h in range(rows.gains):
-                        normal[g, h] -= share[a] * coupling[a, g] * coupling[a, h]
+                        normal[g, h] -= share[a] * coupling[g, a] * coupling[h, a]
         for g in range(rows.gains):
             gains[g] = rhs[g]
         log_det_normal = cholesky_solve(normal, gains)
@@ -143,7 +147,6 @@ def evaluate_normal(
             return math.nan, 0.0, 0.0
 
     log_integral = 0.0
-    variance = np.empty(rows.gains)
     for g in range(rows.gains):
         if not gains[g] > 0:
             return math.nan, 0.0, 0.0
@@ -266,4 +269,4 @@ def deviances(rows: Rows, vectors: FloatArray) -> FloatArray:
 
 def stated_log_det(rows: Rows) -> float:
     """log det of the stated sigmas."""
-    return 2 * float(np.sum(np.log(rows.sigma[(rows.estimated < 0) & ~rows.censored])))
+    return 2 * float(np.log(rows.sigma[(rows.estimated < 0) & ~rows.censored]).sum())

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,7 +123,7 @@ def build(
             template[place] = priors[index].low
     for nuisance, sigma in nuisances.items():
         names.append(nuisance)
-        chosen.append(NUISANCES[nuisance].prior(sigma))
+        chosen.append(_nuisance_prior(nuisance, sigma, rows))
         places.append(FIRST_NUISANCE + NUISANCES[nuisance].index)
     for j, quantity in enumerate(estimated):
         scale = _scale(rows, j)
@@ -131,6 +131,12 @@ def build(
         chosen.append(Prior("log_uniform", 1e-6 * scale, 10 * scale))
         places.append(FIRST_SIGMA + j)
     return Model(name, tuple(names), tuple(chosen), np.array(places), template)
+
+
+def _nuisance_prior(name: str, sigma: float, rows: Rows) -> Prior:
+    """Of a polarizer that is not taken for ideal, the diattenuation may be larger than stated: up to 1 in all."""
+    prior = NUISANCES[name].prior(sigma)
+    return replace(prior, high=1.0 / float(rows.diattenuation.max())) if name == "diattenuation" else prior
 
 
 def _scale(rows: Rows, estimated: int) -> float:

@@ -53,7 +53,9 @@ def normal_equations(
     code, censored, setting, theta_sigma = rows.code, rows.censored, rows.setting, rows.theta_sigma
     gain_of, estimated, sigma, largest = rows.gain, rows.estimated, rows.sigma, rows.largest
     size = len(x)
-    p = np.empty(len(problem.template))
+    # Few arrays, as each costs as much as a row or two.
+    parameters = np.empty((2, len(problem.template)))
+    p, by_p = parameters[0], parameters[1, :FIRST_SIGMA]
     fill_vector(problem, x, p)
     rate = np.empty(size)  # dp / dx
     for j in range(size):
@@ -65,12 +67,15 @@ def normal_equations(
             rate[j] = 0.5 / p[K]
     turns = turns_of(p)
     n = len(whitened)
-    by_p, jacobian = np.empty(FIRST_SIGMA), np.zeros((size, n))
+    jacobian = np.zeros((size, n))
     settings = rows.settings if rows.errors_in_angle else 0
-    normal = np.zeros((rows.gains, rows.gains))
-    mixed = np.zeros((rows.gains, size))
-    pull, coupling = np.zeros((settings, size)), np.zeros((settings, rows.gains))
-    steepness, error = np.zeros(settings), np.zeros(settings)
+    of_gains = np.zeros((2 * rows.gains + 1, rows.gains))
+    normal, factor, rhs = of_gains[: rows.gains], of_gains[rows.gains : -1], of_gains[-1]
+    by_coordinate = np.zeros((2 * rows.gains, size))
+    mixed, solved = by_coordinate[: rows.gains], by_coordinate[rows.gains :]
+    of_settings = np.zeros((2 + size + rows.gains, settings))
+    steepness, error = of_settings[0], of_settings[1]
+    pull, coupling = of_settings[2 : 2 + size], of_settings[2 + size :]
     for i in range(n):
         if censored[i]:
             continue
@@ -102,9 +107,9 @@ def normal_equations(
             error[a] = theta_sigma[i] ** 2
             steepness[a] += slope * slope
             for j in range(size):
-                pull[a, j] += slope * jacobian[j, i]
+                pull[j, a] += slope * jacobian[j, i]
             if g >= 0:
-                coupling[a, g] += slope * column
+                coupling[g, a] += slope * column
     # Row by row within each sum, not sum by sum within each row: sums stay in registers.
     for j in range(size):
         which = places[j] - FIRST_SIGMA
@@ -123,17 +128,12 @@ def normal_equations(
             share = error[a] / (1 + error[a] * steepness[a])
             for j in range(size):
                 for m in range(j + 1):
-                    curvature[j, m] -= share * pull[a, j] * pull[a, m]
+                    curvature[j, m] -= share * pull[j, a] * pull[m, a]
             for g in range(rows.gains):
                 for j in range(size):
-                    mixed[g, j] -= share * coupling[a, g] * pull[a, j]
+                    mixed[g, j] -= share * coupling[g, a] * pull[j, a]
                 for h in range(rows.gains):
-                    normal[g, h] -= share * coupling[a, g] * coupling[a, h]
-    solved, factor, rhs = (
-        np.empty((rows.gains, size)),
-        np.empty((rows.gains, rows.gains)),
-        np.empty(rows.gains),
-    )
+                    normal[g, h] -= share * coupling[g, a] * coupling[h, a]
     for j in range(size if rows.gains > 0 else 0):
         for g in range(rows.gains):
             rhs[g] = mixed[g, j]

@@ -8,6 +8,7 @@ values are counted, and convergence is what points around the result say.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -16,6 +17,8 @@ from typing import Literal, get_args
 import nlopt
 import numpy as np
 from numpy.typing import NDArray
+
+from reflectance_fit.physics.jit import kernel
 
 FloatArray = NDArray[np.float64]
 Objective = Callable[[FloatArray], float]
@@ -156,16 +159,25 @@ def _nothing_lower(seen: _Watched, ranges: FloatArray, step: FloatArray) -> bool
 
 def grid_minima(values: FloatArray) -> list[int]:
     """Places in the flat array of the lowest local minima of a 1-D or 2-D grid, at most six; NaN counts as high."""
-    filled = np.where(np.isfinite(values), values, np.inf)
-    around = np.full(tuple(n + 2 for n in values.shape), np.inf)
-    around[(slice(1, -1),) * values.ndim] = filled
-    lowest = np.minimum(np.minimum(around[:-2], around[1:-1]), around[2:])
-    if values.ndim == 2:
-        lowest = np.minimum(np.minimum(lowest[:, :-2], lowest[:, 1:-1]), lowest[:, 2:])
-    flat = filled.ravel()
-    minima = np.flatnonzero((flat <= lowest.ravel()) & (flat < np.inf))
-    found: list[int] = minima[np.argsort(flat[minima], kind="stable")[:_MAX_BASINS]].tolist()
-    return found
+    found: list[int] = _minima(np.atleast_2d(values)).tolist()
+    return sorted(found, key=values.ravel().__getitem__)[:_MAX_BASINS]
+
+
+@kernel
+def _minima(values: FloatArray) -> NDArray[np.int64]:
+    """Where no neighbour is lower, of finite values of shape (M, N), as places in the flat array."""
+    rows, columns = values.shape
+    found, count = np.empty(values.size, dtype=np.int64), 0
+    for i in range(rows):
+        for j in range(columns):
+            lowest = math.isfinite(values[i, j])
+            for m in range(max(i - 1, 0), min(i + 2, rows)):
+                for n in range(max(j - 1, 0), min(j + 2, columns)):
+                    lowest = lowest and not (values[m, n] < values[i, j] and values[m, n] > -math.inf)
+            if lowest:
+                found[count] = i * columns + j
+                count += 1
+    return found[:count]
 
 
 def better(first: Basin, second: Basin) -> Basin:

@@ -55,9 +55,11 @@ class Component:
         return found
 
     def fold(self, x: FloatArray) -> FloatArray:
-        """Points beyond a bound, mirrored back into the range."""
-        beyond = (x - self.bounds) * self.sides < 0
-        return np.where(beyond, 2 * self.bounds - x, x)
+        """Points beyond a bound mirrored back into the range, in place."""
+        for j in np.flatnonzero(np.isfinite(self.bounds)).tolist():
+            # |distance| on the side of the range.
+            x[:, j] = self.bounds[j] + self.sides[j] * np.abs(x[:, j] - self.bounds[j])
+        return x
 
 
 def component(share: float, centre: FloatArray, covariance: FloatArray, ranges: FloatArray) -> Component:
@@ -100,15 +102,18 @@ def log_pdf(components: Sequence[Component], x: FloatArray) -> FloatArray:
     """Log density of each component at ``x`` times its share, shape (C, N)."""
     size, df = x.shape[1], DEGREES_OF_FREEDOM
     constant = math.lgamma((df + size) / 2) - math.lgamma(df / 2) - size / 2 * math.log(df * math.pi)
-    found = []
-    for c in components:
-        density = np.zeros(len(x))
+    found = np.empty((len(components), len(x)))
+    for c, out in zip(components, found, strict=True):
+        kernels = []
         for image in c.images(x):
             z = (image - c.centre) @ c.inverse.T
-            density += (1 + np.einsum("ij,ij->i", z, z) / df) ** (-(df + size) / 2)
-        volume = np.sum(np.log(np.diag(c.factor)))
-        found.append(math.log(c.share) + constant - volume + np.log(density))
-    return np.stack(found)
+            kernels.append(1 + np.einsum("ij,ij->i", z, z) / df)
+        if len(kernels) == 1:
+            out[:] = -(df + size) / 2 * np.log(kernels[0])
+        else:
+            out[:] = np.log(np.sum(np.power(kernels, -(df + size) / 2), axis=0))
+        out += math.log(c.share) + constant - np.log(c.factor.diagonal()).sum()
+    return found
 
 
 def adapted(

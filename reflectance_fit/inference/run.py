@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from reflectance_fit.inference.identify import UNINFORMED_SHARE, interval
 from reflectance_fit.inference.rows import estimated_names, fitted, gain_names, pack
 from reflectance_fit.nuisances import offered as nuisance_defaults
 from reflectance_fit.observations import Flag, Observations
-from reflectance_fit.priors import Prior
+from reflectance_fit.priors import NUISANCES, Prior
 from reflectance_fit.result import Candidate, Fit, Interval, Posterior
 
 FloatArray = NDArray[np.float64]
@@ -42,6 +43,7 @@ def fit_channel(
     exterior_ior: float,
     priors: Mapping[str, Prior],
     nuisances: Mapping[str, float] | None,
+    known: Mapping[str, float] = MappingProxyType({}),
     model: str = "auto",
     method: ladder.Method = "emcee",
     seed: tuple[int, ...] = (0,),
@@ -50,7 +52,9 @@ def fit_channel(
     """Fit the used rows of one channel.
 
     ``nuisances`` maps names to the sigma of their priors; None leaves them to
-    auto, which adds what the rows need.  ``model`` is one of MODELS, or auto:
+    auto, which adds what the rows need.  ``known`` maps those that were measured
+    to their sigma: they are part of every model, and auto may widen them to the
+    usual sigma.  ``model`` is one of MODELS, or auto:
     of what the priors of eta and k leave, the one that ``choice`` finds;
     ``method`` is the rung of the posterior ladder.
     ``progress`` is called with (what, steps done, steps at most).
@@ -60,8 +64,9 @@ def fit_channel(
     observations = observations.used
     estimated, gains = estimated_names(observations), gain_names(observations)
     offered = nuisance_defaults(observations) if nuisances is None and model == "auto" else {}
+    offered = {name: sigma for name, sigma in offered.items() if sigma > known.get(name, 0.0)}
     sigmas = {**(nuisances or {}), **offered}
-    tried = Candidates(rows, gains, priors, sigmas, estimated)
+    tried = Candidates(rows, gains, priors, sigmas, estimated, known)
     names = models.candidates(priors)
     if model == "auto":
         found = checked(choose(names, tried, nuisances or (), offered, observations), (*seed, 2))
@@ -144,7 +149,7 @@ def _one_equation(
         exterior_ior=exterior_ior,
         priors={name: priors[name] for name in ("eta", "k")},
         nuisances={},
-        at={name: best.parameters[name] for name in both.nuisances},
+        at={name: value for name, value in best.parameters.items() if name in NUISANCES},
         gains=best.gains,
     )
     return one_equation(info)

@@ -21,8 +21,7 @@ from reflectance_fit.inference.least_squares import least_squares
 from reflectance_fit.inference.likelihood import deviances, evaluate
 from reflectance_fit.inference.models import Model
 from reflectance_fit.inference.problem import Problem, objective, objectives, problem_of
-from reflectance_fit.inference.rows import CODES, Rows
-from reflectance_fit.observations import Quantity
+from reflectance_fit.inference.rows import DELTA, Rows
 from reflectance_fit.result import Optimum
 
 FloatArray = NDArray[np.float64]
@@ -69,7 +68,9 @@ def find(model: Model, rows: Rows, gains: list[str]) -> tuple[Optimum, list[opti
     if not basins:
         raise ValueError(f"no finite likelihood anywhere for the model {model.name}")
     basins.sort(key=lambda b: b.objective)
-    basins[0] = replace(basins[0], nan_count=int(np.isinf(values).sum()) + sum(b.nan_count for b in basins))
+    nan_count = int(np.count_nonzero(np.isinf(values))) + sum(b.nan_count for b in basins)
+    if nan_count != basins[0].nan_count:
+        basins[0] = replace(basins[0], nan_count=nan_count)
     return describe(model, rows, gains, basins[0], ", ".join(ran)), basins
 
 
@@ -107,32 +108,33 @@ def _doubtful(model: Model, rows: Rows, basins: list[optimize.Basin]) -> bool:
     """
     if not basins or not basins[0].converged:
         return True
+    if len(basins) > 1 and basins[1].objective - basins[0].objective < _RIVAL:
+        return True
     vector = model.full(basins[0].x)[0]
-    corners = vector[ETA] < rows.exterior_ior * np.max(np.abs(rows.sin_theta)) and vector[K] < _WEAK
-    return bool(corners) or (len(basins) > 1 and basins[1].objective - basins[0].objective < _RIVAL)
+    return bool(vector[K] < _WEAK and vector[ETA] < rows.exterior_ior * np.abs(rows.sin_theta).max())
 
 
 def _descended(rows: Rows, problem: Problem, points: FloatArray) -> list[optimize.Basin]:
     """The minima that Gauss-Newton finds, best first, each once."""
-    values, converged, curvatures, nan_count = descend_all(rows, problem, points)
+    found, rested, curvatures, nan_count = descend_all(rows, problem, points)
+    values, converged = found.tolist(), rested.tolist()
     kept: list[optimize.Basin] = []
-    reach: list[FloatArray] = []  # how far from each of them another end is the same minimum
-    for i in np.argsort(values, kind="stable").tolist():
-        x, value, curvature = points[i], float(values[i]), curvatures[i]
-        if not math.isfinite(value):
+    for i in sorted(range(len(values)), key=values.__getitem__):
+        if not math.isfinite(values[i]):
             break
-        same = (
-            value - other.objective <= _SAME and not (abs(x - other.x) > near).any()
-            for other, near in zip(kept, reach, strict=True)
-        )
-        if not any(same):
-            kept.append(optimize.Basin(x, value, 0, bool(converged[i]), curvature=curvature))
-            # A tenth of a standard deviation.
-            deviation = 0.1 / np.sqrt(np.maximum(curvature.diagonal(), 1e-300))
-            reach.append(np.maximum(1e-6 * (problem.high - problem.low), deviation))
-    if kept:
-        kept[0] = replace(kept[0], nan_count=nan_count)
+        rivals = (other for other in kept if values[i] - other.objective <= _SAME)
+        if not any(_same_minimum(problem, other, points[i]) for other in rivals):
+            counted = 0 if kept else nan_count
+            kept.append(optimize.Basin(points[i], values[i], counted, converged[i], 0, curvatures[i]))
     return kept
+
+
+def _same_minimum(problem: Problem, basin: optimize.Basin, x: FloatArray) -> bool:
+    """Whether x is within a tenth of a standard deviation of a basin's best point."""
+    assert basin.curvature is not None
+    deviation = 0.1 / np.sqrt(np.maximum(basin.curvature.diagonal(), 1e-300))
+    reach = np.maximum(1e-6 * (problem.high - problem.low), deviation)
+    return not bool((abs(x - basin.x) > reach).any())
 
 
 def _scalar(rows: Rows, problem: Problem) -> optimize.Objective:
@@ -218,7 +220,7 @@ def _penalties(model: Model, x: FloatArray) -> FloatArray:
 def describe(model: Model, rows: Rows, gains: list[str], basin: optimize.Basin, optimizer: str) -> Optimum:
     """What a basin says of the data; ``optimizer`` is what found it."""
     used = ~rows.censored
-    n = int(used.sum())
+    n = int(np.count_nonzero(used))
     vector = model.full(basin.x)[0]
     whitened, spread, gain_values = np.empty(len(used)), np.empty(len(used)), np.empty(rows.gains)
     chi2, _, _ = evaluate(rows, vector, whitened, spread, gain_values)
@@ -228,22 +230,26 @@ def describe(model: Model, rows: Rows, gains: list[str], basin: optimize.Basin, 
     parameters = len(model.names) + rows.gains
     predicted = predict_vectors(rows, vector[None], gain_values)[0]
     difference = rows.value - predicted
-    circular = rows.code == CODES[Quantity.DELTA_DEG]
-    difference[circular] = (difference[circular] + 180.0) % 360.0 - 180.0
+    circular = rows.code == DELTA
+    if circular.any():
+        difference[circular] = (difference[circular] + 180.0) % 360.0 - 180.0
+    residuals = difference / spread
+    if n < len(used):
+        predicted, spread, residuals = predicted[used], spread[used], residuals[used]
     return Optimum(
         model=model.name,
         parameters={name: float(v) for name, v in model.in_report_units(basin.x).items()},
         eta=float(vector[ETA]),
         k=float(vector[K]),
-        gains=dict(zip(gains, map(float, gain_values), strict=True)),
+        gains=dict(zip(gains, gain_values.tolist(), strict=True)),
         objective=basin.objective,
         chi2=chi2,
         # A normal prior is one more datum, its parameter one more parameter.
         dof=n + len(penalised) - parameters,
         bic=basin.objective + parameters * math.log(n),
-        predicted=predicted[used],
-        sigma=spread[used],
-        residuals=(difference / spread)[used],
+        predicted=predicted,
+        sigma=spread,
+        residuals=residuals,
         optimizer=optimizer,
         nan_count=basin.nan_count,
     )

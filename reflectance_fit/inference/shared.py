@@ -64,7 +64,8 @@ def share_dispersion(
     groups = [f"{c}{_SEPARATOR}{g}" if g else "" for c, g in zip(o.channel, o.gain_group, strict=True)]
     chosen = fitted(replace(o, gain_group=np.array(groups)))
     rows, gains = pack(chosen, exterior_ior), gain_names(chosen)
-    sigmas = {n: fit.priors[n].sigma for fit in fits for n in fit.optimum.parameters if n in _GEOMETRY}
+    fitted_ones = {n for fit in fits for n in fit.optimum.parameters if n in _GEOMETRY}
+    sigmas = {n: max(fit.priors[n].sigma for fit in fits if n in fit.priors) for n in sorted(fitted_ones)}
     eta = models.build("dielectric", rows, priors, sigmas, [])
     model = replace(
         eta, names=(*eta.names, B), priors=(*eta.priors, B_PRIOR), places=np.append(eta.places, SLOPE)

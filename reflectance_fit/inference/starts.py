@@ -16,6 +16,7 @@ from reflectance_fit.inference.rows import CODES, Rows
 from reflectance_fit.observations import Quantity
 from reflectance_fit.physics.ellipsometry import rho_from_psi_delta
 from reflectance_fit.physics.inversion import eta_from_r0, index_from_rho
+from reflectance_fit.physics.jit import kernel
 from reflectance_fit.priors import Prior
 
 FloatArray = NDArray[np.float64]
@@ -55,7 +56,7 @@ def points(model: Model, rows: Rows) -> Points:
     """Where a search of ``model`` may begin, nuisances at their centres."""
     frame = _frame(model.priors, tuple(model.places.tolist()))
     along = _line(model, rows, frame) if frame.eta >= 0 else frame.grid[:0]
-    values = np.concatenate([frame.grid, along, closed_forms(model, rows)])
+    values = np.concatenate([frame.grid, along, _closed_forms(model, rows, frame)])
     return Points(values, frame.shape, len(frame.grid), len(along))
 
 
@@ -85,15 +86,9 @@ def _line(model: Model, rows: Rows, frame: _Frame) -> FloatArray:
     With eta < 1 every angle of the data is the critical angle of some eta, where the objective has a corner: it
     may have minima of its own between any two of them, often close above the lower one.
     """
-    low, high = frame.low[frame.eta], frame.high[frame.eta]
-    sines = np.sort(rows.exterior_ior * np.abs(rows.sin_theta))
-    gaps = sines[1:] - sines[:-1]
-    apart = gaps > 0
-    below, gaps = sines[:-1][apart], gaps[apart]
-    between = np.concatenate([below + share * gaps for share in _BETWEEN])
-    between = model.priors[frame.eta].to_coordinate(between)
-    between = between[(between >= low) & (between <= high)]
-    eta = np.sort(np.concatenate([frame.evenly, between]))
+    critical = np.sort(rows.exterior_ior * np.abs(rows.sin_theta))
+    logarithmic = model.priors[frame.eta].kind == "log_uniform"
+    eta = _among_critical(critical, frame.evenly, logarithmic)
     found = np.empty((len(eta), len(frame.centre)))
     found[:] = frame.centre
     found[:, frame.free] = frame.low[frame.free]
@@ -101,17 +96,47 @@ def _line(model: Model, rows: Rows, frame: _Frame) -> FloatArray:
     return found
 
 
+@kernel
+def _among_critical(critical: FloatArray, evenly: FloatArray, logarithmic: bool) -> FloatArray:
+    """Coordinates of eta in order: ``evenly``, and within its range two between each two ``critical`` indices.
+
+    Both come in order.
+    """
+    found, count, at = np.empty(len(evenly) + 2 * len(critical)), 0, 0
+    for i in range(len(critical) - 1):
+        gap = critical[i + 1] - critical[i]
+        for share in _BETWEEN:
+            eta = critical[i] + share * gap
+            x = (math.log(eta) if eta > 0 else -math.inf) if logarithmic else eta
+            if gap > 0 and evenly[0] <= x <= evenly[-1]:
+                while evenly[at] <= x and at < len(evenly) - 1:
+                    found[count] = evenly[at]
+                    at, count = at + 1, count + 1
+                found[count] = x
+                count += 1
+    for i in range(at, len(evenly)):
+        found[count] = evenly[i]
+        count += 1
+    return found[:count]
+
+
 def closed_forms(model: Model, rows: Rows) -> FloatArray:
     """Points, shape (D, P), from rows that give the index alone or in pairs; D may be 0."""
+    return _closed_forms(model, rows, _frame(model.priors, tuple(model.places.tolist())))
+
+
+def _closed_forms(model: Model, rows: Rows, frame: _Frame) -> FloatArray:
     there = set(rows.code.tolist())
     found = [form(rows) for form, needed in _FORMS if not there.isdisjoint(needed)]
-    frame = _frame(model.priors, tuple(model.places.tolist()))
     if not found:
         return frame.grid[:0]
-    index = rows.exterior_ior * np.concatenate(found)
-    index = index[np.isfinite(index).all(axis=1) & (index[:, 0] > 0)]
-    columns = [model.priors[j].to_coordinate(index[:, 0 if j == frame.eta else 1]) for j in frame.free]
-    values = _points(frame.centre, np.stack(columns, axis=1), frame.free)
+    eta, k = rows.exterior_ior * np.concatenate(found, axis=1)
+    possible = (eta > 0) & np.isfinite(eta) & np.isfinite(k)
+    eta, k = eta[possible], k[possible]
+    values = np.empty((len(eta), len(frame.centre)))
+    values[:] = frame.centre
+    for j in frame.free:
+        values[:, j] = model.priors[j].to_coordinate(eta if j == frame.eta else k)
     return np.minimum(np.maximum(values, frame.low), frame.high)
 
 
@@ -128,8 +153,8 @@ def _few(indices: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _rows_of(rows: Rows, quantity: Quantity) -> NDArray[np.int64]:
-    oblique = (rows.sin_theta > 1e-3) & (rows.cos_theta > 1e-3)
-    return np.flatnonzero((rows.code == CODES[quantity]) & ~rows.censored & oblique)
+    i = np.flatnonzero((rows.code == CODES[quantity]) & ~rows.censored)
+    return np.asarray(i[np.minimum(rows.sin_theta[i], rows.cos_theta[i]) > 1e-3])
 
 
 def _pairs(rows: Rows, first: Quantity, second: Quantity) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -146,7 +171,7 @@ def _ellipsometric(rows: Rows) -> FloatArray:
     rho = rho_from_psi_delta(np.radians(np.clip(rows.value[psi], 0.01, 89.99)), np.radians(rows.value[delta]))
     theta = np.arctan2(rows.sin_theta[psi], rows.cos_theta[psi])
     eta, k = index_from_rho(rho + (np.abs(rho + 1) < 1e-9) * 1e-9, theta)
-    return np.stack([eta, np.abs(k)], axis=1)
+    return np.stack([eta, np.abs(k)])
 
 
 def _dielectric(rows: Rows) -> FloatArray:
@@ -194,18 +219,20 @@ def _normal_incidence(rows: Rows) -> FloatArray:
     codes = [CODES[q] for q in (Quantity.REFLECTANCE, *_ABSOLUTE)]
     near = np.flatnonzero(np.isin(rows.code, codes) & (rows.cos_theta > _NORMAL) & ~rows.censored)
     if len(near) == 0:
-        return np.empty((0, 2))
+        return np.empty((2, 0))
     eta = eta_from_r0(np.clip(np.mean(rows.value[near]), 1e-6, 0.999))
     return _transparent(np.array([eta, 1 / eta]))
 
 
 def _transparent(eta: FloatArray) -> FloatArray:
-    return np.stack([eta, np.zeros_like(eta)], axis=1)
+    index = np.zeros((2, len(eta)))
+    index[0] = eta
+    return index
 
 
 _ABSOLUTE = (Quantity.REFLECTANCE_S, Quantity.REFLECTANCE_P)
 _P_ALONE = (Quantity.REFLECTANCE_P, Quantity.SIGNAL_P, Quantity.RATIO_PS, Quantity.PSI_DEG)
-# Each closed form and the quantities of which it needs one at least.
+# Each closed form, which gives eta and k, shape (2, D), and the quantities of which it needs one at least.
 _FORMS: tuple[tuple[Callable[[Rows], FloatArray], frozenset[int]], ...] = tuple(
     (form, frozenset(CODES[quantity] for quantity in quantities))
     for form, quantities in (

@@ -89,6 +89,8 @@ def _turned(matrix: Floats, angle: ArrayLike) -> Floats:
 
 def _matrix(rows: list[list[ArrayLike]]) -> Floats:
     """Stack entries of any broadcastable shape to (..., 4, 4)."""
-    entries = np.broadcast_arrays(*(np.asarray(entry, dtype=np.float64) for row in rows for entry in row))
-    stacked = np.stack(entries, axis=-1)
-    return stacked.reshape(*stacked.shape[:-1], 4, 4)
+    matrix = np.zeros((*np.broadcast_shapes(*(np.shape(entry) for row in rows for entry in row)), 4, 4))
+    for i, row in enumerate(rows):
+        for j, entry in enumerate(row):
+            matrix[..., i, j] = entry
+    return matrix

@@ -60,33 +60,29 @@ def draw_polarization(title: str, degree: Floats, angle_deg: Floats) -> Figure:
 
 @style.styled
 def draw_analyzers(
-    title: str, pictures: Mapping[float, Floats], degree: Floats, lines: Sequence[str], stops: float
+    title: str, pictures: Mapping[float, Floats], degree: Floats, of_rows: Floats, stops: float
 ) -> Figure:
-    """One picture for each analyzer angle in degrees, then the degree of polarization and its mean a row.
+    """One picture for each analyzer angle in degrees, then the degree of polarization of pixels and of rows.
 
-    The row where that mean is largest is marked.
+    ``degree`` has shape (height, width), ``of_rows`` (height,).  The row where the latter is largest is marked.
     """
     count = len(pictures) + 2
     columns = 3 if count % 3 == 0 else 4
-    figure, axes = _panels(
-        title, columns, degree.shape, right=0.2, bottom=0.35 + 0.17 * len(lines), count=count
-    )
+    figure, axes = _panels(title, columns, degree.shape, right=0.2, bottom=0.35, count=count)
     for ax, (angle, picture) in zip(axes, pictures.items(), strict=False):
         _show(ax, f"analyzer at {angle:g}°", encoded(picture, stops))
         _arrow(ax, angle)
     shown, profile = axes[len(pictures)], axes[len(pictures) + 1]
     _show(shown, "degree of linear polarization", degree, cmap="viridis", vmin=0.0, vmax=1.0)
-    mean = degree.mean(axis=1)
-    row = int(np.argmax(mean))
-    profile.plot(mean, np.arange(len(mean)), color=style.INK)
-    profile.set(xlim=(0, 1), ylim=(len(mean) - 0.5, -0.5), xticks=(0, 0.5, 1))
-    profile.set_title("its mean in each row (1)", size=8.5)
+    row = int(np.argmax(of_rows))
+    profile.plot(of_rows, np.arange(len(of_rows)), color=style.INK)
+    profile.set(xlim=(0, 1), ylim=(len(of_rows) - 0.5, -0.5), xticks=(0, 0.5, 1))
+    profile.set_title(f"that of each row's light: {of_rows[row]:.2f} in row {row}", size=8.5)
     profile.tick_params(left=False, labelleft=False)
     for ax in (shown, profile):
         ax.axhline(row, color=_MARK, linewidth=1.0, linestyle="--")
     for ax in axes[count:]:
         ax.set_visible(False)
-    _words(figure, lines)
     return figure
 
 

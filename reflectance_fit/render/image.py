@@ -48,6 +48,12 @@ def polarization(film: Film) -> tuple[Floats, Floats]:
     return degree, np.degrees(aolp(stokes))
 
 
+def row_polarization(film: Film) -> Floats:
+    """Degree of linear polarization of all light of a row of pixels taken together, shape (height,); 0 of a dark row."""
+    rows = stokes_luminance(film).mean(axis=1)
+    return np.minimum(np.nan_to_num(np.asarray(dolp(rows))), 1.0)
+
+
 def channels(film: Film) -> dict[str, Floats]:
     """Every channel of the file by name, shape (height, width).
 

@@ -34,7 +34,7 @@ _COPLANAR = 1e-6
 
 def named(surface: Surface) -> str:
     """For a sentence: the user's name, else what it is."""
-    return surface.name or f"a {type(surface.material).__name__.lower()}"
+    return surface.name or "a " + type(surface.material).__name__.removesuffix("Sheet").lower()
 
 
 def sees_itself(surface: Surface, scene: Scene) -> bool:
@@ -60,7 +60,7 @@ def shows(scene: Scene) -> str | None:
         if any(light.polarization.stokes[1:3]) or (light.polarization.stokes[3] and retarders)
     ]
     if len(sheets) > 1:
-        return f"light can pass {named(sheets[0])} and {named(sheets[1])}"
+        return "light can pass more than one polarizer"
     if polarized and telling:
         return f"polarized light meets {named(telling[0])}"
     visible = (AreaLight, ConstantEnvironment, ImageEnvironment)
@@ -86,8 +86,17 @@ def may_show(scene: Scene) -> str | None:
             return f"light can meet {named(surface)} twice"
     for one, other in combinations(found, 2):
         if not _coplanar(one, other):
-            return f"light can go from {named(one)} to {named(other)}"
+            return _between(one, other)
     return None
+
+
+def _between(one: Surface, other: Surface) -> str:
+    names = named(one), named(other)
+    if names[0] != names[1]:
+        return f"light can go from {names[0]} to {names[1]}"
+    return (
+        f"light can meet {names[0]} and another one" if not one.name else f"light can meet {names[0]} twice"
+    )
 
 
 def _interfaces(scene: Scene) -> list[Surface]:

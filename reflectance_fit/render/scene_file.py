@@ -138,7 +138,8 @@ class _Reading:
                 shapes = entry.shapes()
                 if material is not None:
                     _check_together(material, shapes, boxed=entry.box is not None)
-                    self.surfaces += [Surface(shape, material, entry.name or "") for shape in shapes]
+                    name = entry.name or (entry.material if isinstance(entry.material, str) else "")
+                    self.surfaces += [Surface(shape, material, name) for shape in shapes]
 
     def _material_of(self, source: SceneSource, entry: SurfaceEntry) -> Material | None:
         if not isinstance(entry.material, str):

@@ -144,3 +144,10 @@ def test_the_same_board_gives_the_same_bytes(tmp_path):
     for name in ("a.pdf", "b.pdf"):
         assert CliRunner().invoke(cli, ["board", "-o", str(tmp_path / name)]).exit_code == 0
     assert (tmp_path / "a.pdf").read_bytes() == (tmp_path / "b.pdf").read_bytes()
+
+
+def test_a_page_has_the_name_of_a_pdf(tmp_path):
+    result = CliRunner().invoke(cli, ["board", "-o", str(tmp_path / "board.txt")])
+    assert result.exit_code == 1
+    assert result.stderr.endswith("the page is a PDF; give a name that ends in .pdf\n")
+    assert not list(tmp_path.iterdir())

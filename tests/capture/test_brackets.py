@@ -240,7 +240,7 @@ def test_a_capture_whose_exposures_lie_is_told(original, tmp_path):
     shutil.copytree(original, tmp_path / "c")
     capture = tmp_path / "c" / "capture.yaml"
     entry = again(capture, 0, Fraction(1, 4), "raw/short.dng")
-    seconds = frame_entries(capture)[0]["exposure_s"]
+    seconds = float(Fraction(frame_entries(capture)[0]["exposure_s"]))
     with_frames(capture, [entry | {"exposure_s": seconds / 4 * 1.05}])
     notes = [w.message for w in ingest(read_capture(capture)).measurement.warnings if w.code == "NOT_LINEAR"]
     assert [note.split(":")[0] for note in notes] == [

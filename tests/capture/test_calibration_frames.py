@@ -164,10 +164,31 @@ def test_a_malus_series_gives_leakage_and_zero(folder):
     rows = found.measurement.observations
     np.testing.assert_allclose(rows.diattenuation, LEAKAGE, atol=3e-4)
     np.testing.assert_allclose(rows.analyzer_deg, np.add(AXES, ZERO_DEG), atol=0.02)
-    # What is left of the zero's error is what the series says, not the default of a degree.
-    assert 0 < found.measurement.nuisances["analyzer_offset_deg"] < 0.02
+    # What is left of the zero's error and of the leakage's is what the series says, not a default.
+    assert found.measurement.nuisances == {}
+    known = found.measurement.known("550")
+    assert set(known) == {"analyzer_offset_deg", "diattenuation"}
+    assert 0 < known["analyzer_offset_deg"] < 0.02
+    assert abs(found.capture.diattenuation["550"] - LEAKAGE) / LEAKAGE < 4 * known["diattenuation"] < 3e-4
     assert [line.split()[0] for line in found.told] == ["extinction", "analyzer"]
     assert codes(found) == []
+
+
+def test_measured_errors_are_allowed_for_unless_the_manifest_says_otherwise(folder):
+    sample(folder)
+    lamp(folder, light={"linear_deg": 20.0})
+
+    def known(**changes):
+        measurement = folder.ingest(camera=STATED_NOISE, **changes).measurement
+        return measurement.nuisances, set(measurement.common_sigmas)
+
+    both = {"analyzer_offset_deg", "diattenuation"}
+    assert known() == (None, both)
+    assert known(nuisances={"diffuse": {"sigma": 0.01}}) == ({"diffuse": 0.01}, both)
+    stated = {"analyzer_offset_deg": 0.7}
+    assert known(nuisances={"analyzer_offset_deg": {"sigma": 0.7}}) == (stated, {"diattenuation"})
+    assert known(nuisances={}) == ({}, set())
+    assert known(polarizer={"diattenuation": 0.95}) == (None, {"analyzer_offset_deg"})
 
 
 def test_without_the_sources_direction_the_axes_stay(folder):

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 import yaml
 
+from reflectance_fit.capture.bins import Region
 from reflectance_fit.capture.ingest import ingest
 from reflectance_fit.capture.pixel_maps import PixelMaps
 from reflectance_fit.capture.raw import Plane, RawFrame
 from reflectance_fit.capture.read import read_capture
 from reflectance_fit.capture.reading import Reading, _as_stated, _without_unused_bits
-from reflectance_fit.capture.reduce import Region, reduce_frame
+from reflectance_fit.capture.reduce import reduce_frame
 from reflectance_fit.data_synthetic.capture import write_capture
 from reflectance_fit.data_synthetic.dng import DngMetadata, write_dng
 from reflectance_fit.data_synthetic.spec import standard_spec

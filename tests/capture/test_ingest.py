@@ -185,7 +185,7 @@ def test_an_exposure_that_nobody_states(capture):
     stated = yaml.safe_load(capture.read_text())["frames"][1]["exposure_s"]
     edit(capture, 1, exposure_s=None)
     file = capture.parent / "raw/001.dng"
-    assert read(capture).settings[file].seconds == pytest.approx(stated)
+    assert read(capture).settings[file].seconds == Fraction(stated)
     tag = (33434).to_bytes(2, "little") + (5).to_bytes(2, "little") + (1).to_bytes(4, "little")
     assert file.read_bytes().count(tag) == 1
     file.write_bytes(file.read_bytes().replace(tag, b"\xff\xff" + tag[2:]))
@@ -283,6 +283,19 @@ def test_a_dark_of_another_size(capture):
     edit(capture, 0)
     found = problems(capture)
     assert f"capture.yaml:{line_of(capture, dark)}: {dark} is not of the size of raw/0" in found[0]
+
+
+def test_a_sample_frame_of_another_size_is_named_and_not_the_darks_it_would_have(capture):
+    sample = yaml.safe_load(capture.read_text())["frames"][0]["file"]
+    write_dng(
+        capture.parent / sample,
+        np.arange(160 * 160, dtype=np.uint16).reshape(160, 160) % 5000,
+        DngMetadata("RGGB", 14, (0,) * 4, 16000, Fraction(1, 2000), 100),
+    )
+    edit(capture, 0)
+    found = problems(capture)
+    assert found
+    assert all(f"{sample} is not of the size of" in line for line in found)
 
 
 DYING = """

@@ -61,6 +61,18 @@ def test_a_board_tells_the_angles_and_a_frame_without_one_is_rejected_by_name(bo
     assert all(0 < f.theta_deg_sigma < 0.05 for f in seen)
 
 
+def test_what_all_angles_share_is_told_once_and_widens_each_only_where_nuisances_are_forbidden(board):
+    path, _ = board
+    capture = read_capture(path)
+    apart, _ = locate(capture)
+    together, _ = locate(replace(capture, nuisances={}))
+    common = apart.geometry.common_sigma_deg
+    assert apart.common_sigmas == {"angle_offset_deg": dict.fromkeys("RGB", common)}
+    for narrow, wide in zip(apart.role("sample")[:8], together.role("sample")[:8], strict=True):
+        assert wide.theta_deg_sigma == pytest.approx(math.hypot(narrow.theta_deg_sigma, common))
+        assert wide.theta_deg_sigma > narrow.theta_deg_sigma > 0
+
+
 def small(tmp_path, **keys):
     spec = CaptureSpec("N-BK7", angles_deg=(45.0, 60.0), sensor=Sensor(width=96, height=64), seed=4, **keys)
     return write_capture(tmp_path, spec)

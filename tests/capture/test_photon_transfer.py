@@ -81,6 +81,30 @@ def test_a_lamp_that_drifts_between_the_two_frames_costs_nothing():
     assert found.gain_e_per_dn == pytest.approx(1 / 0.45, rel=0.01)
 
 
+def test_hot_pixels_that_are_named_do_not_count():
+    """One pixel in 500 with a dark current of 2000 DN, whose noise would pass for read noise."""
+    generator = np.random.default_rng(11)
+    hot = generator.random(shot(0.0).shape) < 0.002
+
+    def with_hot(share):
+        frame = shot(share).astype(np.float64)
+        frame[hot] += generator.normal(2000.0, 30.0, np.count_nonzero(hot))
+        return frame.clip(0, SENSOR.white).astype(np.uint16)
+
+    def found(mask):
+        pairs = [
+            compare_pair(with_hot(s), with_hot(s), 512.0, CLIP, dark=s == 0, hot=mask)
+            for s in (0.1, 0.4, 0.8, 0.0)
+        ]
+        return fit_transfer(pairs[:-1], pairs[-1:])
+
+    clean, spoilt = found(hot), found(None)
+    assert clean.read_noise_e == pytest.approx(3.0, rel=0.02)
+    assert clean.gain_e_per_dn == pytest.approx(1 / 0.45, rel=0.01)
+    assert clean.reduced_chi2 == pytest.approx(1.0, abs=0.1)
+    assert spoilt.read_noise_e > 3.5
+
+
 def test_clipped_blocks_are_left_out():
     # The centre is clipped, the corners are at 40 %.
     found = fit_transfer([pair(1.3), pair(0.3)], [pair(0.0)])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.ndimage import gaussian_filter1d
 
 from reflectance_fit.capture.plausible import implausible
 from reflectance_fit.data_synthetic.sensor import Sensor, expose, fixed_pattern
@@ -136,3 +137,58 @@ def test_packed_12_bits_read_as_16():
     wrong = packed.reshape(256, -1).view("<u2")
     assert implausible(frame, BLACK // 4, WHITE // 4) is None
     assert "its pixels are noise" in implausible(wrong, np.zeros((2, 2)), np.full((2, 2), 65535.0))
+
+
+LARGE = replace(SENSOR, width=1280, height=512)
+
+
+def large_scene(seed: int, detail: float) -> np.ndarray:
+    generator = np.random.default_rng(seed)
+    y, x = np.mgrid[0 : LARGE.height, 0 : LARGE.width] / LARGE.width
+    waves = sum(np.sin(detail * (a * x + b * y) + c) for a, b, c in generator.normal(0, 3, (6, 3)))
+    return np.clip(0.3 + 0.1 * waves + 0.3 * (waves > 1), 0.0, 1.0).astype(np.float32)
+
+
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**16), first=st.integers(80, 450), offset=st.sampled_from([80.0, 300.0]))
+def test_what_goes_on_downwards_is_damage(seed, first, offset):
+    """As lossless JPEG leaves it: each column is off by something, more than its noise of 50, from a row on."""
+    frame = photograph(large_scene(seed, 5.0), sensor=LARGE, seed=seed).astype(int)
+    assert implausible(frame.astype(np.uint16), BLACK, WHITE) is None
+    columns = np.random.default_rng(seed).normal(0, offset, LARGE.width)
+    frame[first:] += np.rint(columns).astype(int)
+    frame = frame.clip(0, SENSOR.white).astype(np.uint16)
+    assert "repeat those above" in (implausible(frame, BLACK, WHITE) or "")
+
+
+@pytest.mark.parametrize("pitch", [3, 5, 8, 17, 40])
+@pytest.mark.parametrize("noise", [True, False])
+def test_a_ruler_across_the_lower_half_is_no_damage(pitch, noise):
+    """Upright lines from some row to the end."""
+    x = np.arange(LARGE.width)
+    lines = 0.25 + 0.5 / (1 + np.exp(-4 * np.cos(2 * np.pi * x / pitch)))
+    assert implausible(lower_half(lines, noise), BLACK, WHITE) is None
+
+
+@pytest.mark.parametrize("blur", [0.7, 1.0, 2.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_metal_brushed_upright_is_no_damage(blur, seed):
+    """Lines of every width that a lens of some blur shows, pixels (1 sd)."""
+    lines = gaussian_filter1d(np.random.default_rng(seed).normal(size=LARGE.width), blur)
+    assert implausible(lower_half(0.4 + 0.06 * lines, True), BLACK, WHITE) is None
+
+
+def lower_half(lines, noise):
+    light = np.full((LARGE.height, LARGE.width), 0.4, dtype=np.float32)
+    light[240:] = lines
+    generator = np.random.default_rng(3)
+    pixels = fixed_pattern(LARGE, generator)
+    return expose(light, Fraction(1, 1500), LARGE, pixels, generator if noise else None)
+
+
+def test_a_sector_of_zeros_is_seen_wherever_it_is():
+    frame = photograph(scene(0, 5.0))
+    for at in (7, 33_333, frame.size - 256):
+        damaged = frame.copy().reshape(-1)
+        damaged[at : at + 256] = 0
+        assert "many of its pixels are 0" in implausible(damaged.reshape(frame.shape), BLACK, WHITE)

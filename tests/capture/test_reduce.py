@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from reflectance_fit.capture.bins import Mask, Region, Shift, SphereBins
+from reflectance_fit.capture.plane_means import _over_pixels
 from reflectance_fit.capture.raw import Plane, RawFrame
-from reflectance_fit.capture.reduce import _over_pixels, reduce_frame
+from reflectance_fit.capture.reduce import reduce_frame
 from reflectance_fit.data_synthetic.sensor import Sensor, expose, fixed_pattern
 
 WIDTH, HEIGHT = 50, 38

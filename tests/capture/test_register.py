@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from reflectance_fit.capture.raw import RawFrame
-from reflectance_fit.capture.register import match, view_of
+from reflectance_fit.capture.register import blocks_of, match, view_of
 
 HEIGHT, WIDTH = 720, 960
 MOST_PX = 0.02
@@ -110,15 +110,15 @@ def test_another_scene_and_no_scene_are_not_found():
 
 def test_views_are_means_of_whole_cells_and_small():
     frame = photograph(waves)
-    view = view_of(frame)
-    assert view.pitch == 2
-    assert view.picture.shape == (HEIGHT // 2, WIDTH // 2)
-    assert view.picture[7, 9] == pytest.approx(frame.cfa[14:16, 18:20].mean() - 512)
+    blocks, pitch = blocks_of(frame)
+    assert pitch == 2
+    assert blocks.shape == view_of(frame).picture.shape == (HEIGHT // 2, WIDTH // 2)
+    assert blocks[7, 9] == pytest.approx(frame.cfa[14:16, 18:20].mean() - 512)
     large = replace(frame, cfa=np.tile(frame.cfa, (3, 5))[:-1, :-3])
-    view = view_of(large)
-    assert view.pitch == 4
-    assert view.picture.size <= 1_000_000
-    assert view.picture[7, 9] == pytest.approx(large.cfa[28:32, 36:40].mean() - 512)
+    blocks, pitch = blocks_of(large)
+    assert pitch == 4
+    assert blocks.size <= 1_000_000
+    assert blocks[7, 9] == pytest.approx(large.cfa[28:32, 36:40].mean() - 512)
 
 
 def test_pictures_of_two_sizes_are_refused():

@@ -8,6 +8,8 @@ import pytest
 import yaml
 
 from reflectance_fit.capture.align import align
+from reflectance_fit.capture.bins import Mask, Shift
+from reflectance_fit.capture.decoding import decode as decode_all
 from reflectance_fit.capture.geometry import bins_of
 from reflectance_fit.capture.ingest import ingest
 from reflectance_fit.capture.raw import decode
@@ -96,6 +98,26 @@ def test_a_highlight_is_left_out_and_the_rows_are_as_without_it(tmp_path):
     np.testing.assert_allclose(rows.value, clean.value, rtol=5e-4, atol=0.3 * np.max(clean.sigma))
     touched = ingest(read_capture(path)).measurement.observations
     assert np.array_equal(rows.value, touched.value)
+
+
+def test_what_is_masked_moves_with_a_frame_that_is_shifted(tmp_path):
+    """A dot seen elsewhere in the second frame is left out there, as if it had never been on the picture."""
+    path = written(tmp_path / "capture")
+    y, x = np.indices((SENSOR.height, SENSOR.width))
+    spot, moved = np.hypot(x - 260, y - 170) < 9, np.hypot(x - 267, y - 165) < 9
+    capture = read_capture(changed(path, lambda manifest: None))
+    frame = capture.role("sample")[1]
+    jobs = {frame.path: (bins_of(capture, frame),)}
+
+    def means():
+        shifts = {frame.path: Shift(offset=(7.0, -5.0))}
+        return decode_all(capture, jobs, None, shifts, masked=Mask.of(spot))[0][frame.path].planes[0]
+
+    clean = means()
+    retouched(path, lambda above: np.where(moved, 3.0 * above + 500.0, above))
+    for plane, found in means().items():
+        assert found.pixels == clean[plane].pixels
+        assert found.mean == clean[plane].mean
 
 
 def test_a_view_that_shows_more_of_something_else_is_rejected_by_name(tmp_path):

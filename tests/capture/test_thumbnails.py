@@ -21,8 +21,8 @@ def frame(height, width, seed=0, channels=RGGB):
     return RawFrame(cfa, channels, np.full((n, n), np.nan), black, np.full((n, n), 9e4), None, None, None)
 
 
-def literal(one, grid, plane, moved=(0, 0)):
-    """A loop over cells: the pixels of the plane in each, less their black."""
+def literal(one, grid, plane, moved=(0, 0), masked=None):
+    """A loop over cells: the pixels of the plane in each that are not masked, less their black."""
     n = len(one.channels)
     means = np.full((grid.rows, grid.columns), np.nan)
     for row in range(grid.rows):
@@ -38,9 +38,9 @@ def literal(one, grid, plane, moved=(0, 0)):
                     inside = 0 <= y < one.cfa.shape[0] and 0 <= x < one.cfa.shape[1]
                     if not inside:
                         values.append(np.nan)
-                    elif one.channels[y % n, x % n] == plane.channel:
+                    elif one.channels[y % n, x % n] == plane.channel and (masked is None or not masked[y, x]):
                         values.append(float(one.cfa[y, x]) - one.black[y % n, x % n])
-            means[row, column] = np.mean(values)
+            means[row, column] = np.mean(values) if values else np.nan
     return means
 
 
@@ -61,6 +61,23 @@ def test_cells_are_the_means_of_a_loop_over_pixels(box, moved, quad):
     for plane, mean in zip(cells.planes, cells.means, strict=True):
         wanted = literal(one, cells.grid, plane, (n * moved[0], n * moved[1]))
         np.testing.assert_allclose(mean, wanted, rtol=1e-5)
+
+
+@pytest.mark.parametrize("share", [0.001, 0.05, 0.9])
+def test_masked_pixels_do_not_count_and_clip_nothing(share):
+    """Of 90 % some cells have no pixel left, and say so."""
+    height, width = 4 * MOST_CELLS, 24  # cells of 4 x 4 pixels
+    one = replace(frame(height, width), white=np.full((2, 2), 20000.0))
+    masked = np.random.default_rng(1).random((height, width)) < share
+    box = Region(0, 0, width, height).box()
+    grid = cell_means(one, box).grid
+    wanted = {c: literal(one, grid, Plane(c), masked=masked) for c in "RB"}
+    one.cfa[masked] = 20000
+    cells = cell_means(one, box, None, Mask.of(masked))
+    for plane, means in zip(cells.planes, cells.means, strict=True):
+        if plane.channel in wanted:  # in G each of the two positions counts alike
+            np.testing.assert_allclose(means, wanted[plane.channel], rtol=1e-5)
+    assert np.isnan(cells.means).any() == (share == 0.9)
 
 
 @given(size=st.tuples(*[st.integers(2, 9000)] * 2), n=st.sampled_from([2, 4]))
@@ -103,6 +120,26 @@ def test_a_mask_of_cells_is_their_pixels():
     mask = grid.mask(masked, (33, 45))
     np.testing.assert_array_equal(mask.picture(), picture)
     np.testing.assert_array_equal(mask.bits, Mask.of(picture).bits)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "offset"),
+    [
+        (((1.0, 0.0), (0.0, 1.0)), (7.3, -4.6)),
+        (((0.9998, -0.02), (0.02, 0.9998)), (-3.0, 8.5)),
+    ],
+)
+def test_a_mask_moves_with_the_picture(matrix, offset):
+    """Each pixel is masked if the nearest pixel of where it is in the first frame is."""
+    picture = np.zeros((60, 80), dtype=bool)
+    picture[20:31, 35:50] = picture[3, 3] = True
+    shift = Shift(matrix, offset)
+    found = Mask.of(picture).moved(shift).picture()
+    for y, x in np.ndindex(picture.shape):
+        back_x, back_y = (round(float(one)) for one in shift.back(np.float64(x), np.float64(y)))
+        inside = 0 <= back_x < 80 and 0 <= back_y < 60
+        assert found[y, x] == (inside and picture[back_y, back_x])
+    assert not Mask.of(np.zeros((6, 8), dtype=bool)).moved(shift).bits.any()
 
 
 def test_the_box_over_bins_holds_them_all():

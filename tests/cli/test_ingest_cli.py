@@ -3,6 +3,7 @@
 import os
 import shutil
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
@@ -88,7 +89,7 @@ def test_one_row_a_frame(capture, tmp_path):
 def test_a_dark_that_serves_nothing_does_not_count_as_used(capture, tmp_path):
     data = yaml.safe_load(capture.read_text())
     dark = next(frame for frame in data["frames"] if frame["role"] == "dark")
-    dark["exposure_s"] *= 3
+    dark["exposure_s"] = str(3 * Fraction(dark["exposure_s"]))
     capture.write_text(yaml.safe_dump(data))
     result = run("ingest", capture, "-o", tmp_path / "OBS.nc")
     assert result.exit_code == 0

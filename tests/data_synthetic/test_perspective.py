@@ -1,5 +1,7 @@
 """Scenes before a camera nearby: what a wrong ray, frame or edge would put into every photograph."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ from reflectance_fit.data_synthetic.perspective import INK, PAPER, BallScene, Bo
 from reflectance_fit.data_synthetic.picture import Optics, stokes_image
 from reflectance_fit.data_synthetic.scenes import FlatScene, SphereScene
 from reflectance_fit.data_synthetic.sensor import Sensor
-from reflectance_fit.data_synthetic.target import Board, Print
+from reflectance_fit.data_synthetic.target import BESIDE, BLACK, WHITE, Board, Print
 from reflectance_fit.errors import ReflectanceFitError
 from reflectance_fit.physics.stokes import linear, unpolarized
 
@@ -101,6 +103,11 @@ def test_opencv_finds_the_board_where_it_is(pose):
     assert cv2.Rodrigues(found)[0][:, 2] == pytest.approx(scene.rotation[:, 2], abs=np.radians(0.03))
 
 
+def printed(board, x, y):
+    """What points of the paper show, in mm, of a board with no window."""
+    return Print(replace(board, window_mm=(0.0, 0.0))).part(x, y, np.eye(3), np.eye(3))
+
+
 def test_the_ink_is_opencv_s():
     """Every printed module of a picture of the board that OpenCV makes itself."""
     board = Board(square_mm=9.0, marker_mm=7.0)
@@ -108,15 +115,17 @@ def test_the_ink_is_opencv_s():
     layout = cv2.aruco.CharucoBoard(board.squares, 9.0, 7.0, dictionary)
     picture = layout.generateImage((11 * 18, 8 * 18))  # two pixels a module, module and margin alike
     y, x = (np.indices(picture.shape) + 0.5) / 2.0
-    assert np.array_equal(Print(board).ink(x, y), picture < 128)
-    assert not Print(board).ink(np.array([-0.1, 99.1, 5.0]), np.array([5.0, 5.0, 72.1])).any()
+    assert np.array_equal(printed(board, x, y), np.where(picture < 128, BLACK, WHITE))
+    # White paper goes on around it for a centimetre.
+    assert np.array_equal(printed(board, [-0.1, 99.1, 5.0], [5.0, 5.0, 72.1]), [WHITE] * 3)
+    assert np.array_equal(printed(board, [-10.1, 109.1, 5.0], [5.0, 5.0, 82.1]), [BESIDE] * 3)
 
 
 def test_a_print_out_of_scale_is_larger_than_it_says():
-    true, printed = Print(Board()), Print(Board(print_scale=(1.02, 0.99)))
+    larger = Board(print_scale=(1.02, 0.99))
     x, y = np.random.default_rng(0).uniform(0.0, (110.0, 80.0), (5000, 2)).T
-    assert np.array_equal(printed.ink(1.02 * x, 0.99 * y), true.ink(x, y))
-    assert Board(print_scale=(1.02, 0.99)).size_mm == pytest.approx((112.2, 79.2))
+    assert np.array_equal(printed(larger, 1.02 * x, 0.99 * y), printed(Board(), x, y))
+    assert larger.size_mm == pytest.approx((112.2, 79.2))
 
 
 @pytest.mark.parametrize("offset", [0.0, 6.0])

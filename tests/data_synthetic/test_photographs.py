@@ -1,6 +1,7 @@
 """Captures of boards, of nearby balls and of other sensors: files, manifest and truth say the same."""
 
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -40,6 +41,10 @@ BOARD = CaptureSpec(
 def written(folder, spec):
     path = write_capture(folder, spec)
     return load(path).data, load(folder / "truth.yaml").data
+
+
+def seconds(frame):
+    return float(Fraction(frame["exposure_s"]))
 
 
 def frames(manifest, role):
@@ -104,7 +109,7 @@ def test_a_board_s_region_shows_the_sample_at_the_true_angle(board):
             # Centre of the region: the angle is stated there.
             cy, cx = (y0 + y1) // 2, (x0 + x1) // 2
             part = dn[cy - 4 : cy + 4, cx - 8 : cx + 8], colours[cy - 4 : cy + 4, cx - 8 : cx + 8]
-            signal[frame["analyzer_deg"]] = part[0][part[1] == 1].mean() / frame["exposure_s"]
+            signal[frame["analyzer_deg"]] = part[0][part[1] == 1].mean() / seconds(frame)
         s0 = signal[0] + signal[90]
         s1, s2 = signal[0] - signal[90], signal[45] - signal[135]
         powers = reflectances(np.cos(np.radians(view["theta_deg"])), *index(550.0))
@@ -146,9 +151,7 @@ def test_a_glossy_board_looks_different_behind_each_analyzer(tmp_path):
     spec = replace(BOARD, board=Board(sheen=0.4), angles_deg=(40.0,), geometry_views=0)
     spec = replace(spec, sensor=replace(QUIET, pattern="MONO"), channels=MONO_CHANNELS)
     manifest, _ = written(tmp_path, spec)
-    picture = {
-        f["analyzer_deg"]: counts(tmp_path, f)[0] / f["exposure_s"] for f in frames(manifest, "sample")
-    }
+    picture = {f["analyzer_deg"]: counts(tmp_path, f)[0] / seconds(f) for f in frames(manifest, "sample")}
     total = picture[0] + picture[90]
     x0, y0, x1, y1 = frames(manifest, "sample")[0]["region"]
     paper = (total > 0.8 * np.percentile(total[:60], 99)) & (total < 1.1 * np.percentile(total[:60], 99))
@@ -193,7 +196,7 @@ def test_pixels_with_polarizers_obey_malus(tmp_path, pattern):
             powers = reflectances(np.cos(np.radians(50.0)), *index(wavelength))
             axis = np.radians([[90, 45], [135, 0]][row % 2][column % 2] - 20.0)
             light = (powers.s + powers.p + 0.999 * (powers.s - powers.p) * np.cos(2 * axis)) / 4
-            expected = light * rates[colour] * frame["exposure_s"] / 2.2
+            expected = light * rates[colour] * seconds(frame) / 2.2
             assert dn[row::4, column::4].mean() == pytest.approx(expected, abs=0.5)
 
 
@@ -236,9 +239,9 @@ def test_brackets_and_flats_at_several_levels(tmp_path):
         assert {k: v for k, v in one.items() if k not in ("file", "sha256", "exposure_s")} == {
             k: v for k, v in longer.items() if k not in ("file", "sha256", "exposure_s")
         }
-        assert shorter["exposure_s"] < 0.3 * one["exposure_s"]
-        assert longer["exposure_s"] > 6 * one["exposure_s"]
-    times = [f["exposure_s"] for f in flats]
+        assert seconds(shorter) < 0.3 * seconds(one)
+        assert seconds(longer) > 6 * seconds(one)
+    times = [seconds(f) for f in flats]
     assert times == sorted(times, reverse=True)
     assert [times.count(t) for t in sorted(set(times))] == [2, 2, 2]
     darks = [f["exposure_s"] for f in frames(manifest, "dark")]

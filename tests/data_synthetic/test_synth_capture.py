@@ -10,6 +10,8 @@ import rawpy
 from click.testing import CliRunner
 from scipy.optimize import least_squares
 
+from reflectance_fit.capture.raw import decode as raw_frame
+from reflectance_fit.capture.read import read_capture
 from reflectance_fit.cli.main import cli
 from reflectance_fit.data_synthetic.capture import write_capture
 from reflectance_fit.data_synthetic.rig import Faults, Light, Setting
@@ -35,6 +37,10 @@ def tree(folder):
     return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
+def seconds(frame):
+    return float(Fraction(frame["exposure_s"]))
+
+
 def decode(path):
     with rawpy.imread(str(path)) as raw:
         cfa, colours = raw.raw_image_visible.astype(float), raw.raw_colors_visible
@@ -53,7 +59,7 @@ def rates(folder, manifest, colour):
         counts, colours = decode(folder / frame["file"])
         counts = (counts - darks[frame["exposure_s"]])[y0:y1, x0:x1]
         key = frame.get("theta_deg"), frame["analyzer_deg"], frame.get("retarder_deg")
-        out[key] = counts[colours[y0:y1, x0:x1] == COLOURS[colour]].mean() / frame["exposure_s"]
+        out[key] = counts[colours[y0:y1, x0:x1] == COLOURS[colour]].mean() / seconds(frame)
     return out
 
 
@@ -78,17 +84,17 @@ def test_the_manifest_names_every_file_with_its_hash(glass):
 
 def test_every_frame_has_its_darks(glass):
     _, _, manifest, _ = glass
-    lit = {f["exposure_s"] for f in manifest["frames"] if f["role"] != "dark"}
-    darks = [f["exposure_s"] for f in manifest["frames"] if f["role"] == "dark"]
+    lit = {Fraction(f["exposure_s"]) for f in manifest["frames"] if f["role"] != "dark"}
+    darks = [Fraction(f["exposure_s"]) for f in manifest["frames"] if f["role"] == "dark"]
     assert sorted(darks) == sorted([*lit, *lit])
-    assert lit <= {float(t) for t in EXPOSURES_S}
+    assert lit <= set(EXPOSURES_S)
 
 
 def test_the_frames_say_what_the_manifest_says(glass):
     folder, spec, manifest, _ = glass
     for frame in manifest["frames"]:
         with rawpy.imread(str(folder / frame["file"])) as raw:
-            assert raw.other.shutter_speed == pytest.approx(frame["exposure_s"], rel=1e-6)
+            assert raw.other.shutter_speed == pytest.approx(seconds(frame), rel=1e-6)
             assert raw.white_level == spec.sensor.white
             assert raw.raw_image.shape == (48, 64)
 
@@ -258,7 +264,7 @@ def test_a_ball(tmp_path):
     assert 0 <= x0 <= cx - radius < cx + radius < x1 <= 128
     assert 0 <= y0 <= cy - radius < cy + radius < y1 <= 96
     pictures = {
-        frame.get("analyzer_deg"): decode(tmp_path / frame["file"])[0] / frame["exposure_s"]
+        frame.get("analyzer_deg"): decode(tmp_path / frame["file"])[0] / seconds(frame)
         for frame in manifest["frames"]
         if frame["role"] != "dark"
     }
@@ -351,6 +357,16 @@ def test_command(tmp_path):
     (frame,) = [f for f in manifest["frames"] if f["role"] == "sample"]
     assert (frame["theta_deg"], frame["analyzer_deg"]) == (50, 90)
     assert Fraction(frame["exposure_s"]) > 0
+
+
+def test_exposures_are_as_exact_in_the_manifest_as_in_the_files(tmp_path):
+    """1/60 is no decimal number: both are the same fraction, and the one that the sensor was exposed for."""
+    spec = CaptureSpec("N-BK7", angles_deg=(50.0, 70.0), sensor=SMALL)
+    capture = read_capture(write_capture(tmp_path / "out", spec))
+    assert len({frame.exposure.seconds for frame in capture.frames}) > 1
+    for frame in capture.frames:
+        assert frame.exposure.seconds in EXPOSURES_S
+        assert frame.exposure.seconds == raw_frame(frame.path).exposure_s
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ import yaml
 
 from reflectance_fit.capture.manifest import Manifest as Capture
 from reflectance_fit.measurement.manifest import Manifest
+from reflectance_fit.render.scene_blocks import SceneBlock
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -149,7 +150,9 @@ def test_only_what_cannot_run_is_skipped():
         assert set(re.findall(r"skip: (\S+)", page.read_text(encoding="utf-8"))) <= {"next"}, page.name
 
 
-@pytest.mark.parametrize(("schema", "model"), [("measurement/1", Manifest), ("capture/1", Capture)])
+@pytest.mark.parametrize(
+    ("schema", "model"), [("measurement/1", Manifest), ("capture/1", Capture), ("scene/1", SceneBlock)]
+)
 def test_every_manifest_shown_is_valid(schema, model):
     shown = [text for _, _, language, text in blocks() if language == "yaml" and f"fit/{schema}" in text]
     assert len(shown) >= 2

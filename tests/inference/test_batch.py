@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from reflectance_fit.inference import batch, likelihood, models
+from reflectance_fit.inference.forward import FIRST_SIGMA, SOURCE
 from reflectance_fit.inference.rows import pack
 from reflectance_fit.observations import Flag, concatenate
 
@@ -63,15 +64,18 @@ def vectors_of(model, count):
 
 
 @pytest.mark.parametrize("name", TABLES)
-@pytest.mark.parametrize("spread", [0.0, 1.5])
-def test_blocks_equal_one_vector_at_a_time(rows_of, priors, name, spread):
+@pytest.mark.parametrize("spread", [[0.0], [1.5], [0.0, 1.5]])  # the last: not of all rows of an angle
+@pytest.mark.parametrize("steady", [False, True])
+def test_blocks_equal_one_vector_at_a_time(rows_of, priors, name, spread, steady):
     quantities, options = TABLES[name]
     o = table(rows_of, quantities, **options)
-    o = replace(o, theta_deg_spread=np.full(len(o), spread))
+    o = replace(o, theta_deg_spread=np.resize(spread, len(o)))
     rows = pack(o, 1.0003)
     estimated = sorted(set(quantities)) if name == "estimated sigma" else []
     model = models.build("conductor", rows, priors, NUISANCES, estimated)
     vectors = vectors_of(model, 3 * 64 + 5)  # several blocks, the last not full
+    if steady:  # the source, the analyzer and the diattenuation the same for all
+        vectors[:, SOURCE:FIRST_SIGMA] = vectors[0, SOURCE:FIRST_SIGMA]
     expected = likelihood.log_likelihoods(rows, vectors)
     # Not by way of log_likelihood, which would take the slow way where blocks were wrong.
     found = batch.blocks(rows, vectors)

@@ -35,6 +35,30 @@ def test_laplace_is_exact_for_a_normal_law_however_narrow_its_ridge():
     assert np.isnan(component.bounds).all()
 
 
+def test_resampling_takes_each_draw_as_often_as_its_weight_says():
+    """Systematic: within one of weight times count, in every chain; in expectation exactly that."""
+    generator = np.random.default_rng(8)
+    count, n = 50, 4 * 30
+    weights = generator.exponential(size=n) ** 3
+    weights[:5] = 0.0
+    numbers = np.arange(n, dtype=float)
+    batch = importance._Batch(numbers[:, None], -numbers, weights / weights.sum(), 0.0)
+    expected = count * batch.by_chain
+    total, runs = np.zeros_like(expected), 2000
+    for _ in range(runs):
+        x, density = batch.equal(count, generator)
+        assert x.shape == (4, count, 1)
+        np.testing.assert_array_equal(density, -x[..., 0])
+        assert np.array_equal(
+            np.sort(x[..., 0].astype(int) // 30), np.repeat(np.arange(4)[:, None], count, 1)
+        )
+        times = np.bincount(x.ravel().astype(int), minlength=n).reshape(4, -1)
+        assert np.all(np.abs(times - expected) < 1 + 1e-9)
+        total += times
+    # A fraction r of a draw comes with variance r (1 - r); five standard errors.
+    np.testing.assert_allclose(total / runs, expected, atol=5 * 0.5 / np.sqrt(runs))
+
+
 def test_the_proposal_s_density_integrates_to_one_on_its_side_of_a_bound():
     covariance = np.array([[0.04, 0.01], [0.01, 0.09]])
     ranges = np.array([[0.0, 9.0], [-50.0, 50.0]])

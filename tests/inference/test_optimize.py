@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.ndimage import minimum_filter
 
 from reflectance_fit.inference import models, optimize, search
 from reflectance_fit.inference.least_squares import least_squares
@@ -78,6 +79,20 @@ def test_a_first_step_wider_than_the_range_is_cut(step):
     )
     assert found.x == pytest.approx([0.3, -0.2], abs=1e-3)
     assert found.converged
+
+
+def test_grid_minima_are_those_of_a_minimum_filter():
+    """scipy's filter over 3 x 3 places, infinite beyond the edge; the six lowest, in order."""
+    generator = np.random.default_rng(3)
+    for shape in [(13, 9), (1, 40), (40, 1), (2, 2)] * 20:
+        values = generator.choice([*np.linspace(0, 1, 30), np.nan, np.inf], size=shape)
+        filled = np.where(np.isfinite(values), values, np.inf)
+        lowest = filled == minimum_filter(filled, size=3, mode="constant", cval=np.inf)
+        expected = np.flatnonzero(lowest & np.isfinite(filled))
+        expected = expected[np.argsort(filled.ravel()[expected], kind="stable")][:6]
+        assert optimize.grid_minima(values) == expected.tolist()
+        if 1 in shape:
+            assert optimize.grid_minima(values.ravel()) == expected.tolist()
 
 
 def test_grid_minima_are_all_and_only_the_local_ones():

@@ -59,6 +59,20 @@ def test_least_p_is_near_brewsters_angle(rows_of, priors):
     assert point[1] == 0.0
 
 
+@pytest.mark.parametrize("logarithmic", [False, True])
+def test_the_line_is_the_even_one_and_two_between_each_two_critical_angles(logarithmic):
+    generator = np.random.default_rng(5)
+    for count in (0, 1, 2, 7, 40):
+        critical = np.sort(np.round(generator.uniform(0, 1, count), 1))  # some of them equal
+        evenly = np.linspace(*((-3.0, 2.3) if logarithmic else (0.05, 10.0)), 30)
+        apart = np.unique(critical)
+        between = np.concatenate([apart[:-1] + share * np.diff(apart) for share in (0.15, 0.6)])
+        between = np.log(between) if logarithmic else between
+        between = between[(between >= evenly[0]) & (between <= evenly[-1])]
+        found = starts._among_critical(critical, evenly, logarithmic)
+        np.testing.assert_allclose(found, np.sort(np.concatenate([evenly, between])), rtol=1e-14)
+
+
 @pytest.mark.parametrize("name", ["dielectric", "conductor"])
 def test_grid_and_line_cover_the_range(rows_of, priors, name):
     rows = pack(rows_of(THETA, "reflectance_s", 0.1), 1.0)

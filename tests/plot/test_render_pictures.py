@@ -89,9 +89,10 @@ def test_the_wheel_and_the_map_speak_the_same_colours():
 
 
 def test_the_series_marks_the_row_of_largest_polarization(tmp_path):
-    degree = np.tile(np.exp(-0.5 * ((np.arange(40) - 13) / 5.0) ** 2)[:, None], (1, 60))
+    of_rows = np.exp(-0.5 * ((np.arange(40) - 13) / 5.0) ** 2)
+    degree = np.tile(of_rows[:, None], (1, 60))
     pictures = dict.fromkeys((0.0, 45.0, 90.0, 135.0), PICTURE)
-    figure = draw_analyzers("slab", pictures, degree, ["row 13"], 0.0)
+    figure = draw_analyzers("slab", pictures, degree, of_rows, 0.0)
     titles = panel_texts(figure)
     assert titles[:4] == [f"analyzer at {a}°" for a in (0, 45, 90, 135)]
     marked = [line.get_ydata()[0] for line in figure.axes[4].lines]

@@ -12,12 +12,13 @@ import cv2
 import numpy as np
 import pytest
 
+from reflectance_fit.capture.bins import Region
 from reflectance_fit.capture.ingest import ingest
 from reflectance_fit.capture.pixel_maps import checked_maps, read_map
 from reflectance_fit.capture.raw import Plane
 from reflectance_fit.capture.read import read_capture
 from reflectance_fit.capture.reading import Reading, read_frame
-from reflectance_fit.capture.reduce import Region, reduce_frame
+from reflectance_fit.capture.reduce import reduce_frame
 from reflectance_fit.capture.stokes_pixels import fit_stokes, redundancy
 from reflectance_fit.errors import ReflectanceFitError
 

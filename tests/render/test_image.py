@@ -7,7 +7,15 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from reflectance_fit.render.image import channels, luminance, polarization, stokes_luminance, write_exr
+from reflectance_fit.render.film import Film
+from reflectance_fit.render.image import (
+    channels,
+    luminance,
+    polarization,
+    row_polarization,
+    stokes_luminance,
+    write_exr,
+)
 
 sys.path.append(str(Path(__file__).parent))
 from made_films import film
@@ -72,10 +80,22 @@ def test_polarization_is_that_of_the_luminance():
     np.testing.assert_allclose(stokes_luminance(given)[..., 0], s0, rtol=1e-12)
 
 
+def test_noise_that_cancels_in_a_row_is_no_polarization_of_it():
+    """Neighbours polarized across one another: each pixel is polarized, their light together is not."""
+    mean = np.zeros((2, 4, 3, 4))
+    mean[..., 0] = 1.0
+    mean[0, ::2, :, 1], mean[0, 1::2, :, 1] = 0.8, -0.8
+    mean[1, :, :, 2] = 0.6
+    given = Film("polarized", mean, np.zeros_like(mean), 1)
+    np.testing.assert_allclose(polarization(given)[0].mean(axis=1), [0.8, 0.6], rtol=1e-12)
+    np.testing.assert_allclose(row_polarization(given), [0.0, 0.6], atol=1e-12)
+
+
 def test_a_black_picture_is_unpolarized():
     given = film("polarized", level=0.0)
     degree, angle = polarization(given)
     assert not degree.any()
+    assert not row_polarization(given).any()
     assert not angle.any()
 
 

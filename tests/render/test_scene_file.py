@@ -178,7 +178,7 @@ def test_an_orthographic_camera_behind_an_analyzer(tmp_path):
 @pytest.mark.parametrize(
     ("keys", "stokes"),
     [
-        ("stokes: [2, 0, 0, -1]", (1, 0, 0, -0.5)),
+        ("stokes: [2, 1, 0.5, -1]", (1, 0.5, 0.25, -0.5)),
         ("linear_deg: 90", (1, -1, 0, 0)),
         ("circular: right", (1, 0, 0, 1)),
     ],

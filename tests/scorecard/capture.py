@@ -203,6 +203,7 @@ def _fit(family: Family, shape: Shape, seed: int) -> Outcome:
         exterior_ior=measurement.exterior_ior,
         priors=measurement.priors,
         nuisances=measurement.nuisances or {},
+        known=measurement.known(CHANNEL),
         model=family.model,
         seed=(seed,),
     )

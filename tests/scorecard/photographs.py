@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 
@@ -13,6 +14,8 @@ import photographs_polarization
 import photographs_real
 from card import Figure
 from photographs_scenes import FOCAL_PX, SIZE, start
+
+from reflectance_fit.capture.workers import ONE_THREAD
 
 PROCESSES = 2
 PARTS = (photographs_geometry, photographs_polarization, photographs_camera, photographs_fits)
@@ -28,6 +31,8 @@ def about(*, full: bool) -> str:
 
 
 def figures(*, full: bool) -> Iterator[Figure]:
+    # As in the workers that decode; threads of OpenBLAS that wait would take as much of the processors as the work.
+    os.environ |= ONE_THREAD
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(PROCESSES, context, start) as pool:
         for part in PARTS:

@@ -90,6 +90,7 @@ def fitted(seed: int) -> Outcome:
         exterior_ior=measurement.exterior_ior,
         priors=measurement.priors,
         nuisances=measurement.nuisances or {},
+        known=measurement.known(CHANNEL),
         model="dielectric",
         seed=(seed,),
     )

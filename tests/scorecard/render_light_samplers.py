@@ -16,6 +16,7 @@ from reflectance_fit.render import colour
 from reflectance_fit.render.kernels import lanes
 from reflectance_fit.render.kernels.camera import begin
 from reflectance_fit.render.kernels.lights import sample
+from reflectance_fit.render.kernels.sky import sky_sample
 from reflectance_fit.render.pack import Packed, pack
 from reflectance_fit.render.scene import (
     AreaLight,
@@ -40,7 +41,7 @@ _COLUMNS = 4  # of results: direction and density, or wavelengths
 
 
 @tracer
-def _draw(has, tables, floats, integers, keys, here, kind, out):  # type: ignore[no-untyped-def]
+def _draw(has, with_image, tables, floats, integers, keys, here, kind, out):  # type: ignore[no-untyped-def]
     """One result a key: direction to a light and its density, four wavelengths, or which light."""
     for block in range(len(keys) // lanes.LANES):
         for j in range(lanes.LANES):
@@ -54,6 +55,8 @@ def _draw(has, tables, floats, integers, keys, here, kind, out):  # type: ignore
             for j in range(lanes.LANES):
                 integers[lanes.DEPTH + j] = np.uint32(1)
             sample(has, floats, integers, tables)
+            if with_image is not None:
+                sky_sample(has, floats, integers, tables)
         first = lanes.WAVE if kind == _WAVE else lanes.LX
         for j in range(lanes.LANES):
             for c in range(4):
@@ -74,7 +77,8 @@ def draw(scene: Packed, kind: int, n: int, rng: np.random.Generator) -> Floats:
     keys = rng.integers(0, 2**32, whole, dtype=np.uint32)
     out = np.empty((whole, _COLUMNS))
     numbers = np.zeros(lanes.floats(scene.has))
-    _draw(scene.has, scene.tables, numbers, lanes.integers(), keys, HERE, kind, out)
+    image = scene.parts.image
+    _draw(scene.has, image, scene.tables, numbers, lanes.integers(), keys, HERE, kind, out)
     return out[:n]
 
 
