@@ -33,7 +33,6 @@ from reflectance_fit.render.scene import (
     Rectangle,
     RetarderSheet,
     Scene,
-    Shape,
     Spectrum,
     Sphere,
     Surface,
@@ -269,24 +268,3 @@ CASES = (
     Case("shaded by sheets", _shaded_sheets(), ("scalar", "polarized")),
     Case("prism", _prism(), ("rgb", "spectral", "spectral_polarized")),
 )
-
-
-def furnished(scene: Scene) -> Scene:
-    """The same beside a shelf of small things, so that one compiled kernel a mode serves every scene."""
-    coloured = _table([400, 550, 700], [1.6, 1.52, 1.5])
-    paint = Lambertian(Texture(np.array([[[0.2, 0.5, 0.8], [0.9, 0.4, 0.1]]])))
-    things: tuple[tuple[Shape, Material], ...] = (
-        (Sphere((-2.6, -0.4, 2.2), 0.25), Dielectric(coloured)),
-        (Sphere((-2.6, 0.2, 2.2), 0.25), replace(TINTED, roughness=0.3)),
-        (Sphere((-2.6, 0.8, 2.2), 0.25), Plastic(constant(1.5), _rgb(0.2, 0.6, 0.3), 0.3)),
-        (Rectangle((-2.6, 0, 1.9), (0.3, 0, 0), (0, 1.3, 0)), paint),
-        (Disk((-2.3, -1.4, 2.2), (0.4, -1, 0), (0, 0, 0.3)), PolarizerSheet(20.0)),
-    )
-    shelf = tuple(Surface(*thing) for thing in things)
-    lights: tuple[Light, ...] = (
-        AreaLight(Disk((-3, 0, 3), (0, 0, -1), (0.3, 0, 0)), constant(2.0)),
-        PointLight((-2, 1, 4), constant(3.0), CIRCULAR),
-    )
-    if not any(isinstance(light, ImageEnvironment) for light in scene.lights):
-        lights += (ImageEnvironment(np.array([[[0.1, 0.2, 0.3], [0.2, 0.1, 0.1]]])),)
-    return replace(scene, surfaces=scene.surfaces + shelf, lights=scene.lights + lights)

@@ -9,8 +9,9 @@ from scipy import stats
 
 sys.path.append(str(Path(__file__).parents[1] / "reference"))
 
+from tracer_kernels import furnished
 from tracer_picture import picture
-from tracer_scenes import CASES, furnished
+from tracer_scenes import CASES
 
 from reflectance_fit.render.run import render
 from reflectance_fit.render.settings import Settings
