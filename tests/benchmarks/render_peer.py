@@ -92,10 +92,7 @@ def _serve(variant: str, scene: Scene, mode: Mode) -> None:
 
     mitsuba.set_log_level(mitsuba.LogLevel.Error)
     mitsuba.set_variant(variant)
-    if variant.startswith("llvm"):
-        drjit.set_thread_count(THREADS)
-    else:
-        mitsuba.Thread.set_thread_count(THREADS)
+    drjit.set_thread_count(THREADS)
     loaded = mitsuba.load_dict(translated(scene, mode))
 
     def picture(samples: int, seed: int) -> Any:
