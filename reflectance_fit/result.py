@@ -185,6 +185,7 @@ class Fit:
     estimated_sigma: dict[str, float]  # quantity -> sigma, where no sigma was stated
     priors: dict[str, Prior]  # of every sampled parameter
     saturated: int  # rows of which only a bound is known, because the detector was
+    refused_outliers: int = 0  # rows that stand out, but together, so that they are no outliers
     noise: Noise = "normal"
     loo: LeaveOneOut | None = None  # None where there was no rival worth it
     shared: Shared | None = None

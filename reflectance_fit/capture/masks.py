@@ -12,7 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
-from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt, label, map_coordinates
+from scipy.ndimage import (
+    binary_dilation,
+    binary_erosion,
+    distance_transform_edt,
+    label,
+    map_coordinates,
+    maximum_filter,
+    minimum_filter,
+)
 
 from reflectance_fit.views import BoolArray, FloatArray, StokesMaps
 
@@ -43,15 +51,18 @@ def highlights(stokes: StokesMaps, inside: BoolArray, rings: Rings | None = None
     """Cells that are much brighter or darker than those around them, and their neighbours; shape (h, w).
 
     ``inside`` are the cells of the sample.  On a ball brightness is taken
-    relative to that of its ring.
+    relative to that of its ring, give or take what the rings change by within
+    the cell: one colour's pixels do not lie in the middle of it.
     """
     level = np.log(np.where(inside, stokes.s0, np.nan))
+    steep = np.zeros_like(level)
     if rings is not None:
-        level = level - _of_ring(level, rings.theta)
+        expected = np.where(np.isfinite(rings.theta), _of_ring(level, rings.theta), np.nan)
+        level, steep = level - expected, _step(expected)
     residual = level - _smooth(level)
     scatter = _MAD * np.nanmedian(np.abs(residual)) if np.isfinite(residual).any() else np.inf
     with np.errstate(invalid="ignore"):
-        dots = np.abs(residual) > max(_SIGMAS * scatter, _LEAST_DOT)
+        dots = np.abs(residual) > np.maximum(max(_SIGMAS * scatter, _LEAST_DOT), steep)
     # The blur of a lens spreads a dot over its neighbours.
     return np.asarray(binary_dilation(dots, np.ones((3, 3), dtype=bool)) & inside)
 
@@ -137,6 +148,14 @@ def _of_ring(level: FloatArray, theta: FloatArray) -> FloatArray:
         return np.zeros_like(level)
     middles = _medians(np.where(np.isfinite(level), theta, np.nan), block, len(edges))
     return np.asarray(make_interp_spline(middles[known], medians[known], k=1)(theta))
+
+
+def _step(values: FloatArray) -> FloatArray:
+    """A quarter of what a cell and its finite neighbours span: of a slope, what half a cell changes."""
+    known = np.isfinite(values)
+    highest = maximum_filter(np.where(known, values, -np.inf), 3)
+    lowest = minimum_filter(np.where(known, values, np.inf), 3)
+    return np.where(known, 0.25 * (highest - lowest), np.nan)
 
 
 def _smooth(level: FloatArray) -> FloatArray:

@@ -51,12 +51,16 @@ Fitted = Callable[[str, Iterable[str]], Tried]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Choice:
-    """``tried`` by BIC, lowest first; ``rival`` is the candidate that ``chosen`` had to beat, if any."""
+    """``tried`` by BIC, lowest first; ``rival`` is the candidate that ``chosen`` had to beat, if any.
+
+    ``refused`` is how many rows heavy tails would set aside, where they fit far better but the rows are not scattered.
+    """
 
     chosen: Tried
     tried: tuple[Tried, ...]
     rival: Tried | None
     reason: str
+    refused: int = 0
 
 
 def choose(
@@ -88,7 +92,7 @@ def choose(
             count = robust.outliers(chosen)
             if chosen.bic > to_beat or not robust.scattered(chosen, observations):
                 said = f"noise with {count} outliers is refused, they are not scattered in rows that fit; "
-                return replace(normal, tried=candidates.tried, reason=said + normal.reason)
+                return replace(normal, tried=candidates.tried, reason=said + normal.reason, refused=count)
             share = f"{count} of {len(chosen.residuals)} rows are outliers"
             said = f"{share}, so noise is Student's t: delta BIC = {lead:.4g}; "
             return replace(heavy, reason=said + heavy.reason, rival=best)

@@ -132,6 +132,7 @@ def fit_channel(
         estimated_sigma={q: chosen.optimum.parameters[f"sigma[{q}]"] for q in estimated},
         priors={**priors, **dict(zip(chosen.model.names, chosen.model.priors, strict=True))},
         saturated=saturated,
+        refused_outliers=found.choice.refused,
         noise=chosen.noise,
         loo=loo,
     )

@@ -91,6 +91,12 @@ def _of_the_examination(fit: Fit, seen: Examination) -> Iterator[Note]:
             "of sign), so their estimated sigma is none and intervals are not to be trusted. A wrong angle zero, "
             "drop-outs, a drifting lamp?",
         )
+    elif fit.refused_outliers and fit.estimated_sigma:
+        yield Note(
+            "WRONG_MODEL",
+            f"{fit.refused_outliers} rows stand out, and not here and there: neighbours do together, so the residuals tell "
+            "no sigma and intervals are not to be trusted. A wrong angle zero, drop-outs, a drifting lamp?",
+        )
     for check in seen.health:
         if abs(check.z) > _UNHEALTHY:
             yield Note(

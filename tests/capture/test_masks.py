@@ -108,3 +108,17 @@ def test_a_slope_does_not_stand_out_at_the_edges():
     noise = np.random.default_rng(6).normal(1.0, 0.002, level.shape)
     stokes = StokesMaps(level * noise, np.zeros(level.shape), np.zeros(level.shape), None)
     assert not highlights(stokes, np.ones(level.shape, dtype=bool)).any()
+
+
+@pytest.mark.parametrize("material", MATERIALS)
+def test_a_colour_beside_the_middle_of_its_cell_is_no_highlight(material):
+    """Near a ball's rim half a pixel changes the brightness by more than a dot."""
+    stokes, inside, _ = ball(*MATERIALS[material])
+    red, inside = stokes[::2, ::2], inside[::2, ::2]
+    right, up = X[::2, ::2] + 0.5 - CENTRE[0], CENTRE[1] - Y[::2, ::2] - 0.5
+    distance = np.hypot(right, up)
+    rings = Rings(np.arcsin(np.where(distance < RADIUS, distance / RADIUS, np.nan)), np.arctan2(up, right))
+    maps = stokes_maps(
+        np.stack([red @ analyzer_weights(axis) for axis in AXES_DEG]), np.radians(AXES_DEG), 1.0
+    )
+    assert not highlights(maps, inside & np.isfinite(rings.theta), rings).any()

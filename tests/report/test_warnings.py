@@ -20,6 +20,7 @@ class Fit(SimpleNamespace):
                 "p_value": 0.4,
                 "saturated": 0,
                 "estimated_sigma": {},
+                "refused_outliers": 0,
                 "wavelength_nm": 610.0,
                 "optimum": SimpleNamespace(reduced_chi2=1.0, eta=0.24, k=2.9),
                 "posterior": SimpleNamespace(
@@ -40,6 +41,15 @@ class Fit(SimpleNamespace):
 
 def found(fit=None, **seen):
     return [(note.code, note.message) for note in warnings_of(fit or Fit(), Examination(**seen))]
+
+
+def test_outliers_that_go_together_leave_no_sigma_to_estimate():
+    estimated = Fit(estimated_sigma={"signal_s": 0.3}, refused_outliers=12)
+    assert [code for code, _ in found(estimated)] == ["SIGMA_ESTIMATED", "WRONG_MODEL"]
+    assert "12 rows stand out" in found(estimated)[1][1]
+    # A stated sigma has its chi2; and the runs say it already.
+    assert found(Fit(refused_outliers=12)) == []
+    assert [code for code, _ in found(estimated, missing_runs=5.0)] == ["SIGMA_ESTIMATED", "WRONG_MODEL"]
 
 
 def test_nothing_is_said_of_a_sound_fit():
