@@ -52,8 +52,15 @@ class Interface:
         return mueller.reflection(np.sqrt(power.transmitted_s), np.sqrt(power.transmitted_p))
 
     def _approximate(self, c: Floats) -> Floats:
-        """Of the angle on the thin side, one material at one wavelength at a time."""
-        eta, k = float(self.eta[0]), float(self.k[0])
+        """Of the angle on the thin side; forms take one index at a time, and rays meet glass from either side."""
+        found = np.empty(np.broadcast_shapes(c.shape, self.eta.shape))
+        c, eta, k = (np.broadcast_to(a, found.shape) for a in (c, self.eta, self.k))
+        for index in np.unique(np.stack([eta, k], axis=-1), axis=0):
+            here = (eta == index[0]) & (k == index[1])
+            found[here] = self._of_one_index(c[here], *map(float, index))
+        return found
+
+    def _of_one_index(self, c: Floats, eta: float, k: float) -> Floats:
         if eta >= 1.0 or k > 0.0:
             return np.asarray(APPROXIMATIONS[self.fresnel](eta, k)(c))
         squared = 1.0 - (1.0 - c**2) / eta**2
