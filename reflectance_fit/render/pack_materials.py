@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from reflectance_fit.physics import approximations
 from reflectance_fit.physics.approximations import F82_COSINE, schlick
-from reflectance_fit.physics.fitted_approximations import lazanyi_coefficients
+from reflectance_fit.physics.fitted_approximations import lazanyi, lazanyi_coefficients
 from reflectance_fit.physics.fresnel import r0, reflectances
 from reflectance_fit.render import colour
 from reflectance_fit.render.kernels import lanes
@@ -33,6 +34,15 @@ Words = NDArray[np.uint32]
 
 # GGX lobes narrower than this are drawn as if they were this wide: their density would leave float32's digits behind.
 _SMALLEST_ALPHA = 1e-3
+
+_FORMS: dict[Fresnel, plastic.Form] = {
+    "exact": approximations.exact,
+    "constant": approximations.constant,
+    "schlick": approximations.schlick_exact_r0,
+    "schlick_f82": approximations.f82,
+    "lazanyi": lazanyi,
+    "large_index": approximations.lecture_conductor,
+}
 
 
 @dataclass(slots=True, eq=False)
@@ -83,9 +93,10 @@ def look(surface: Surface, looks: Looks) -> tuple[Words, Floats]:
             _interface(words, looks, eta, np.zeros_like(eta))
             rho = colour.reflectance(material.reflectance, looks.curves.mode, looks.curves.channels_nm)
             alpha = max(material.roughness, _SMALLEST_ALPHA) if material.roughness > 0 else 0.0
-            factor = plastic.base_factor(rho, eta, alpha)
+            form = _FORMS[looks.fresnel]
+            factor = plastic.base_factor(rho, eta, alpha, form)
             words[lanes.OF_COLOUR] = looks.curves.add(factor)
-            through = np.square(eta) * (1.0 - plastic.internal_reflectance(eta))
+            through = np.square(eta) * (1.0 - plastic.internal_reflectance(eta, form))
             numbers[:3] = alpha, float(factor.mean()), float(through.mean())
         case PolarizerSheet():
             words[lanes.OF_KIND] = lanes.POLARIZER
@@ -114,7 +125,7 @@ def _interface(words: Words, looks: Looks, eta: Floats, k: Floats) -> None:
         edge = np.minimum(reflectances(F82_COSINE, thin, k).mean, plain)
         dip = (plain - edge) / (F82_COSINE * (1.0 - F82_COSINE) ** 6)
     elif looks.fresnel == "lazanyi":
-        dip, power = lazanyi_coefficients(thin, k)
+        dip, power = (a[:, 0] for a in lazanyi_coefficients(thin[:, None], k[:, None]))
     slots = (lanes.OF_R0, lanes.OF_B, lanes.OF_A, lanes.OF_POWER)
     for slot, row in zip(slots, (normal, rise, dip, power), strict=True):
         words[slot] = looks.curves.add(np.asarray(row, dtype=np.float64))

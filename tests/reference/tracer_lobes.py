@@ -159,7 +159,7 @@ def lobe_through(optics: Optics, d: Floats, n: Floats, to: Floats) -> Bounce:
     c, beyond = -dot(d, h), dot(to, h)
     weight = (
         distribution(alpha, dot(h, n))
-        * shadowing(alpha, dot(d, n), dot(to, n))
+        * shadowing(alpha, -dot(d, n), dot(to, n))
         * np.abs(c * beyond / dot(d, n))
     )
     good = (c > 0.0) & (beyond < 0.0) & (dot(to, n) < 0.0)
@@ -175,13 +175,14 @@ def distribution(alpha: float, cosine: Floats) -> Floats:
 
 
 def shadowing(alpha: float, cos_d: Floats, cos_to: Floats) -> Floats:
-    """Smith's, of both directions, heights being correlated."""
+    """Smith's, of both directions: heights are correlated where both are on one side, else taken to be independent."""
 
     def lamb(cosine: Floats) -> Floats:
         squared = np.maximum(cosine**2, 1e-30)
         return np.asarray((np.sqrt(1.0 + alpha**2 * (1.0 - squared) / squared) - 1.0) / 2.0)
 
-    return 1.0 / (1.0 + lamb(cos_d) + lamb(cos_to))
+    one, other = lamb(cos_d), lamb(cos_to)
+    return 1.0 / np.where(cos_to > 0.0, 1.0 + one + other, (1.0 + one) * (1.0 + other))
 
 
 def half_vector(alpha: float, n: Floats, rng: np.random.Generator) -> Floats:
@@ -196,8 +197,8 @@ def microfacet_weight(alpha: float, d: Floats, to: Floats, n: Floats, h: Floats)
     """What is left of value over density: G |d.h| / (|d.n| h.n), by reflection and by refraction alike."""
     if alpha == 0.0:
         return np.ones(len(d))
-    cos_d, cos_to = np.abs(dot(d, n)), np.abs(dot(to, n))
-    return shadowing(alpha, cos_d, cos_to) * np.abs(dot(d, h)) / (cos_d * dot(h, n))
+    cos_d = np.abs(dot(d, n))
+    return shadowing(alpha, cos_d, dot(to, n)) * np.abs(dot(d, h)) / (cos_d * dot(h, n))
 
 
 def around(n: Floats, cosine: Floats, rng: np.random.Generator) -> Floats:

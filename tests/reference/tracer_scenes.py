@@ -205,6 +205,16 @@ def _rough(exterior_ior: float = 1.0) -> Scene:
     )
 
 
+def _rough_plastic_too() -> Scene:
+    """Light from nearly everywhere: the reference has little noise, and what is missing at any angle is seen."""
+    plastic = Plastic(constant(1.5), _rgb(0.9, 0.8, 0.9), 0.3)
+    glass = Surface(Sphere((1.1, 0, 0.9), 0.9), Dielectric(constant(1.7), 0.9))
+    metal = Surface(Sphere((-1.1, 0, 0.9), 0.9), replace(TINTED, roughness=0.6))
+    lamp, sky = PointLight((1, -3, 5), constant(9.0)), ConstantEnvironment(constant(1.0))
+    ground = Surface(Plane((0, 0, 0), (0, 0, 1)), plastic)
+    return _scene(ground, glass, metal, AreaLight(PANEL, constant(2.0)), lamp, sky)
+
+
 def _pictures() -> Scene:
     """A texture, seen from either side, under a picture of the surroundings."""
     rng = np.random.default_rng(4)
@@ -268,3 +278,4 @@ CASES = (
     Case("shaded by sheets", _shaded_sheets(), ("scalar", "polarized")),
     Case("prism", _prism(), ("rgb", "spectral", "spectral_polarized")),
 )
+APPROXIMATED = Case("rough metal, glass and plastic", _rough_plastic_too(), ("scalar", "rgb"))

@@ -7,13 +7,23 @@ import pytest
 from render_chi2 import examine
 from render_lanes import over_lanes
 from render_samplers import plastic_mixture
+from scipy import integrate
 
-from reflectance_fit.physics import mueller
-from reflectance_fit.physics.fresnel import amplitudes, reflectances
-from reflectance_fit.render.lobes import fresnel, plastic
+from reflectance_fit.physics import approximations
+from reflectance_fit.physics.fitted_approximations import lazanyi
+from reflectance_fit.physics.fresnel import r0, reflectances
+from reflectance_fit.render.lobes import fresnel, ggx, plastic
 from reflectance_fit.render.lobes.diffuse import sample_cosine
 
 ETAS = (1.0 + 1e-9, 1.01, 1.33, 1.5, 2.4, 10.0)
+FORMS = {
+    "exact": approximations.exact,
+    "constant": approximations.constant,
+    "schlick": approximations.schlick_exact_r0,
+    "schlick_f82": approximations.f82,
+    "lazanyi": lazanyi,
+    "large_index": approximations.lecture_conductor,
+}
 
 
 def external(n):
@@ -45,6 +55,53 @@ def test_internal_reflectance_is_the_integral_from_inside():
         )
         assert plastic.internal_reflectance(eta) == pytest.approx(total, abs=1e-6)
     assert plastic.internal_reflectance(1.0) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_forms_of_fresnel_have_their_own():
+    """Moments of 1 and (1 - c)^5 under 2c dc: 1 and 1/21."""
+    eta = np.array([1.2, 1.5, 2.4])
+    normal = r0(eta)
+    for form, reflected in ("constant", normal), ("schlick", normal + (1 - normal) / 21):
+        inside = plastic.internal_reflectance(eta, FORMS[form])
+        assert inside == pytest.approx(1 - (1 - reflected) / eta**2, abs=1e-13)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("eta", [0.7, 1.2, 1.5, 2.4])
+def test_a_white_plastic_loses_and_gains_nothing_by_any_form(form, eta):
+    """Light from all sides that a smooth coat sends back or lets in, then out again, of a base that keeps none."""
+
+    def mirror(c):
+        if eta >= 1:
+            return FORMS[form](eta, 0.0)(c)
+        sine = np.sqrt(1 - c**2) / eta
+        return FORMS[form](1 / eta, 0.0)(np.sqrt(1 - sine**2)) if sine < 1 else 1.0
+
+    corner = np.sqrt(max(1 - eta**2, 0.0))
+    into = 2 * integrate.quad(lambda c: c * (1 - mirror(c)), corner, 1, epsabs=1e-11)[0]
+    factor = plastic.base_factor(1.0, eta, form=FORMS[form])
+    for cosine in corner + 0.01, 0.8, 1.0:
+        assert mirror(cosine) + (1 - mirror(cosine)) * factor * into == pytest.approx(1, abs=1e-7)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_rough_coat_leaves_what_its_form_does_not_reflect(form):
+    """Reflected shares by another rule: over the outgoing hemisphere, value by value."""
+    alpha, eta = 0.1, 1.5
+    z, w = np.polynomial.legendre.leggauss(400)
+    z, w = (z + 1) / 2, w / 2
+    turn = (np.arange(800) + 0.5) * 2 * np.pi / 800
+    lz, phi = np.meshgrid(z, turn, indexing="ij")
+    l = np.stack([np.sqrt(1 - lz**2) * np.cos(phi), np.sqrt(1 - lz**2) * np.sin(phi), lz]).reshape(3, -1)
+    room = []
+    for c in np.linspace(0.05, 1.0, 20):
+        v = (np.sqrt(1 - c**2), 0.0, c)
+        *h, cosine = over_lanes(ggx.half, *v, *l)
+        value = over_lanes(ggx.reflection_value, alpha, c, l[2], over_lanes(ggx.ndf, alpha, *h))
+        curve = FORMS[form](eta, 0.0)
+        lit = (value * curve(np.minimum(cosine, 1.0))).reshape(lz.shape).mean(axis=1) * 2 * np.pi
+        room.append((1 - w @ lit) / (1 - curve(c)))
+    assert plastic.share(eta, alpha, FORMS[form]) == pytest.approx(min(1.0, *room), abs=2e-4)
 
 
 @pytest.mark.parametrize("eta", [1.33, 1.5])
@@ -86,27 +143,6 @@ def test_a_rough_coat_darkens_the_base_no_more_than_it_must():
     assert plastic.share(1.5, 0.0) == 1.0
     assert plastic.share(1.5, 1.0) == 1.0  # single scattering loses more than that
     assert plastic.base_factor(0.5, 1.5, 0.1) == plastic.base_factor(0.5, 1.5) * shares[1]
-
-
-def test_rows_are_the_chain_of_mueller_matrices():
-    """T_out . depolarizer . T_in with the transmission matrices spelled out."""
-    rng, n = np.random.default_rng(4), 200
-    c_v, c_l, eta = rng.random(n), rng.random(n), rng.uniform(1.05, 2.5, n)
-    rows = rng.normal(size=(4, n))
-
-    def transmission(c):
-        r_s, r_p = amplitudes(c, eta)
-        # What is not reflected, per polarization: powers along s and p only, for what goes to or comes from a depolarizer.
-        return mueller.reflection(np.sqrt(1 - np.abs(r_s) ** 2), np.sqrt(1 - np.abs(r_p) ** 2))
-
-    expected = np.einsum(
-        "in,nij,jk,nkl->ln", rows, transmission(c_v), np.diag([1.0, 0, 0, 0]), transmission(c_l)
-    )
-    a_v, b_v, _ = over_lanes(fresnel.dielectric_transmission, c_v, eta)
-    a_l, b_l, _ = over_lanes(fresnel.dielectric_transmission, c_l, eta)
-    got = over_lanes(plastic.diffuse_rows, rows[0], rows[1], a_v, b_v, a_l, b_l)
-    assert got == pytest.approx(expected[:2], abs=1e-13)
-    assert np.all(expected[2:] == 0)
 
 
 def test_the_choice_of_lobe_is_a_probability_and_by_energy():

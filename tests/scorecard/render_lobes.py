@@ -142,7 +142,7 @@ def albedos(
         mean, error = _mean(f * weight)
         return mean + float(t * through * plastic.base_factor(1.0, eta, alpha)), error
     behind = over_lanes(ggx.refracted, *v, *h, eta, cos_t)[2]
-    passed = over_lanes(ggx.transmission_weight, alpha, behind, eta) * eta**2
+    passed = over_lanes(ggx.g1, alpha, np.maximum(-behind, 0.0))
     return _mean(f * weight + (1.0 - f) * passed)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from render_lanes import over_lanes
 
-from reflectance_fit.render.lobes import fresnel, ggx, mueller, plastic
+from reflectance_fit.render.lobes import fresnel, ggx, mueller
 
 Floats = NDArray[np.float64]
 
@@ -51,8 +51,8 @@ def matrix(
         r1, r2 = over_lanes(mueller.turn, row[1], row[2], *over_lanes(mueller.double_angle, *axis, *s, *v))
         if kind == "plastic's base":
             a_l, b_l, _ = over_lanes(fresnel.dielectric_transmission, l[2], eta)
-            r0, r1 = over_lanes(plastic.diffuse_rows, row[0], r1, block[0], block[1], a_l, b_l)
-            rows[:, i] = np.stack([r0, r1, np.zeros(n), np.zeros(n)], axis=1)
+            through = row[0] * block[0] + r1 * block[1]
+            rows[:, i] = np.stack([through * a_l, through * b_l, np.zeros(n), np.zeros(n)], axis=1)
             s = over_lanes(mueller.across, *l, *normal, *s)
         else:
             rows[:, i] = over_lanes(mueller.reflect, row[0], r1, r2, row[3], *block).T

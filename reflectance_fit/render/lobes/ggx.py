@@ -168,9 +168,3 @@ def transmission_value(
     """
     length2, two = length * length, like(2.0, vz)
     return two * near * d / (vz + stretched(alpha, vz)) * g1(alpha, abs(lz)) * far / length2
-
-
-@vectorised
-def transmission_weight(alpha: float, lz: float, eta: float) -> float:
-    """value / pdf = G1(l) / eta^2; 0 where l is not behind the surface."""
-    return g1(alpha, max(-lz, like(0.0, lz))) / (eta * eta)
