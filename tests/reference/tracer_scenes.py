@@ -205,14 +205,21 @@ def _rough(exterior_ior: float = 1.0) -> Scene:
     )
 
 
-def _rough_plastic_too() -> Scene:
-    """Light from nearly everywhere: the reference has little noise, and what is missing at any angle is seen."""
-    plastic = Plastic(constant(1.5), _rgb(0.9, 0.8, 0.9), 0.3)
-    glass = Surface(Sphere((1.1, 0, 0.9), 0.9), Dielectric(constant(1.7), 0.9))
-    metal = Surface(Sphere((-1.1, 0, 0.9), 0.9), replace(TINTED, roughness=0.6))
-    lamp, sky = PointLight((1, -3, 5), constant(9.0)), ConstantEnvironment(constant(1.0))
-    ground = Surface(Plane((0, 0, 0), (0, 0, 1)), plastic)
-    return _scene(ground, glass, metal, AreaLight(PANEL, constant(2.0)), lamp, sky)
+def _backlit() -> Scene:
+    """A rough ball in each quarter, lit from beside and behind: facets are met at grazing angles, where forms differ."""
+    dull = Conductor(constant(1.5), constant(0.5), 0.6)
+    materials = (
+        dull,
+        Dielectric(constant(1.7), 0.9),
+        Dielectric(constant(2.2), 0.5),
+        Plastic(constant(1.5), constant(0.95), 0.3),
+    )
+    centers = ((-1.1, 0, 0.82), (1.1, 0, 0.82), (-1.1, 0, -0.82), (1.1, 0, -0.82))
+    balls = (Surface(Sphere(at, 0.8), what) for at, what in zip(centers, materials, strict=True))
+    panel = AreaLight(Rectangle((0, 4, 4), (3, 0, 0), (0, -2, 2)), constant(2.0))
+    lamp, sky = PointLight((-5, 2, 2), constant(100.0)), ConstantEnvironment(constant(0.7))
+    camera = Camera((0, -6, 0), (0, 0, 0), (0, 0, 1), (8, 6), "orthographic", 4.4)
+    return _scene(*balls, panel, lamp, sky, camera=camera, max_depth=4)
 
 
 def _pictures() -> Scene:
@@ -278,4 +285,4 @@ CASES = (
     Case("shaded by sheets", _shaded_sheets(), ("scalar", "polarized")),
     Case("prism", _prism(), ("rgb", "spectral", "spectral_polarized")),
 )
-APPROXIMATED = Case("rough metal, glass and plastic", _rough_plastic_too(), ("scalar", "rgb"))
+BACKLIT = Case("rough balls before the light", _backlit(), ("scalar",))

@@ -11,7 +11,7 @@ sys.path.append(str(Path(__file__).parents[1] / "reference"))
 
 from tracer_kernels import furnished
 from tracer_picture import picture
-from tracer_scenes import APPROXIMATED, CASES
+from tracer_scenes import BACKLIT, CASES
 
 from reflectance_fit.render.run import render
 from reflectance_fit.render.scene import AreaLight
@@ -41,8 +41,8 @@ def test_the_spectral_picture_is_that_of_the_reference(case):
 
 @pytest.mark.parametrize("fresnel", ["constant", "schlick", "schlick_f82", "lazanyi", "large_index"])
 def test_approximations_are_met_at_the_half_vector(fresnel):
-    """Rough metal and glass, where cos(theta) is h.v, over a coat that keeps light in by the same form."""
-    compare(APPROXIMATED.scene, "rgb", 2000, fresnel)
+    """Rough metal and glass, where cos(theta) is h.v, and a coat that keeps light in by the same form."""
+    compare(BACKLIT.scene, "scalar", 8000, fresnel)
 
 
 def compare(scene, mode, samples, fresnel="exact"):

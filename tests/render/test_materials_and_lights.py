@@ -6,6 +6,7 @@ import pytest
 from reflectance_fit.physics.brewster import brewster_angle
 from reflectance_fit.physics.fresnel import reflectances
 from reflectance_fit.physics.mueller import polarizer, retarder
+from reflectance_fit.render.kernels import lanes
 from reflectance_fit.render.kernels.path import trace
 from reflectance_fit.render.pack import pack
 from reflectance_fit.render.run import render
@@ -259,3 +260,17 @@ def test_forms_of_fresnel_are_those_of_physics(form):
         "large_index": forms.lecture_conductor(1.5, 2.5),
     }
     np.testing.assert_allclose(film.mean, curves[form](np.cos(theta)), atol=1e-5)
+
+
+def test_every_channel_of_a_metal_has_its_own_coefficients():
+    """Lazanyi's are fitted to one index at a time."""
+    from reflectance_fit.physics.fitted_approximations import lazanyi_coefficients
+
+    eta, k = np.array([0.18, 0.42, 1.37]), np.array([3.42, 2.35, 1.77])
+    scene = Scene(CLOSE, (Surface(BALL, Conductor(Spectrum(eta), Spectrum(k))),), ONE)
+    tables = pack(scene, Settings("rgb", precision="double", fresnel="lazanyi")).tables
+    curves, ids = tables.curves.reshape(-1, 3), tables.shape_ids
+    for channel in range(3):
+        a, power = lazanyi_coefficients(eta[channel], k[channel])
+        assert curves[ids[lanes.OF_A], channel] == pytest.approx(a, rel=1e-12)
+        assert curves[ids[lanes.OF_POWER], channel] == pytest.approx(power, rel=1e-12)
