@@ -54,6 +54,7 @@ def pack(scene: Scene, settings: Settings) -> Packed:
         )
     if not scene.lights:
         raise ValueError("the scene has no light; add one, or an environment")
+    _within_most("shapes", len(scene.surfaces) + sum(isinstance(light, AreaLight) for light in scene.lights))
     curves = colour.Curves(settings.mode, scene.camera.channels_nm)
     origin = np.asarray(scene.camera.target, dtype=np.float64)
 
@@ -107,6 +108,7 @@ def pack(scene: Scene, settings: Settings) -> Packed:
             counts[lanes.PRIMARIES + k] = curves.add(colour.basis(settings.mode)[k])
             counts[lanes.SKY_PRIMARIES + k] = curves.add(colour.basis(settings.mode, light=True)[k])
     rows = curves.array()
+    _within_most("different spectra", len(rows))
     repeat = 1
     if rows.shape[1] == 3 and not pictures and np.all(rows == rows[:, :1]):
         # Without colours one channel stands for all three.
@@ -167,6 +169,14 @@ def pack(scene: Scene, settings: Settings) -> Packed:
         counts=counts,
     )
     return Packed(has, parts, tables, repeat)
+
+
+def _within_most(what: str, count: int) -> None:
+    """Kernels mask their indices: beyond `lanes.MOST` one shape or curve would be taken for another."""
+    if count > lanes.MOST + 1:
+        raise ValueError(
+            f"the scene has {count:,} {what}, and a render at most {lanes.MOST + 1:,}; leave some out"
+        )
 
 
 def _geometry(shape: Shape, origin: Floats) -> Floats:

@@ -274,3 +274,15 @@ def test_every_channel_of_a_metal_has_its_own_coefficients():
         a, power = lazanyi_coefficients(eta[channel], k[channel])
         assert curves[ids[lanes.OF_A], channel] == pytest.approx(a, rel=1e-12)
         assert curves[ids[lanes.OF_POWER], channel] == pytest.approx(power, rel=1e-12)
+
+
+def test_what_an_index_cannot_hold_is_refused(monkeypatch):
+    gray = Surface(BALL, Lambertian(constant(0.5)))
+    with pytest.raises(ValueError, match="65,537 shapes, and a render at most 65,536"):
+        pack(Scene(CLOSE, (gray,) * 65536, (*ONE, LAMP)), Settings("scalar"))
+    # As many spectra take long to make.  Three fit: the ball's, the lamp's and that of the surroundings.
+    monkeypatch.setattr(lanes, "MOST", 2)
+    pack(Scene(CLOSE, (gray,), (*ONE, LAMP)), Settings("scalar"))
+    darker = Surface(BALL, Lambertian(constant(0.4)))
+    with pytest.raises(ValueError, match="4 different spectra, and a render at most 3"):
+        pack(Scene(CLOSE, (gray, darker), (*ONE, LAMP)), Settings("scalar"))
