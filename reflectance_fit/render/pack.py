@@ -78,7 +78,7 @@ def pack(scene: Scene, settings: Settings) -> Packed:
         if words[lanes.OF_KIND] == lanes.LAMP
     }
     shapes = np.zeros((max(len(bodies), 1), lanes.SHAPE))
-    shapes[:, lanes.NORMAL + 2] = 1.0  # what rays without a shape read
+    shapes[:, lanes.PLACE + 2] = 1.0  # what rays without a shape read
     shape_ids = np.zeros((max(len(bodies), 1), lanes.SHAPE_IDS), np.uint32)
     for place, (shape, words, numbers) in enumerate(sorted_bodies):
         shapes[place, : lanes.ALPHA] = _geometry(shape, origin)
@@ -115,6 +115,7 @@ def pack(scene: Scene, settings: Settings) -> Packed:
         rows, repeat = rows[:, :1], 3
     channels = 4 if spectral else rows.shape[1]
     kinds = set(shape_ids[: len(bodies), lanes.OF_KIND].tolist())
+    glowing = [light.shape for light in sampled if isinstance(light, AreaLight)]
     analyzed = scene.camera.analyzer_deg is not None
 
     def flag(condition: bool) -> tuple[int, ...]:
@@ -129,7 +130,7 @@ def pack(scene: Scene, settings: Settings) -> Packed:
         spectral=flag(spectral),
         sobol=flag(settings.sampler == "sobol"),
         lamps=(0,) * min(len(sampled), 2),
-        area=flag(any(isinstance(light, AreaLight) for light in sampled)),
+        area=(0,) * max((1 + isinstance(shape, Sphere) for shape in glowing), default=0),
         points=flag(any(isinstance(light, PointLight | DirectionalLight) for light in sampled)),
         polarized=flag(polarized and any(light.polarization.is_polarized for light in scene.lights)),
         refracting=flag(bool(kinds & {lanes.GLASS, lanes.ROUGH_GLASS})),
@@ -183,7 +184,8 @@ def _geometry(shape: Shape, origin: Floats) -> Floats:
     row = np.zeros(lanes.ALPHA)
     if isinstance(shape, Sphere):
         row[:3] = np.asarray(shape.center) - origin
-        row[lanes.RADIUS : lanes.RADIUS2 + 1] = shape.radius, 1.0 / shape.radius, shape.radius**2
+        row[lanes.RADIUS2] = shape.radius**2
+        row[lanes.PLACE : lanes.PLACE + 4] = *row[:3], shape.radius
         return row
     row[:3] = np.asarray(shape.point if isinstance(shape, Plane) else shape.center) - origin
     if isinstance(shape, Rectangle):
@@ -193,6 +195,7 @@ def _geometry(shape: Shape, origin: Floats) -> Floats:
         normal = np.asarray(shape.normal, dtype=np.float64)
     normal = normal / np.linalg.norm(normal)
     row[lanes.NORMAL : lanes.NORMAL + 3] = normal
+    row[lanes.PLACE : lanes.PLACE + 4] = *normal, normal @ row[:3]
     if isinstance(shape, Disk):
         u = np.asarray(shape.u)
         v = np.cross(normal, u)

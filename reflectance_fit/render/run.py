@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import os
+import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +17,7 @@ from numpy.typing import NDArray
 from reflectance_fit.render.develop import develop, standard_error
 from reflectance_fit.render.film import Film
 from reflectance_fit.render.kernels import lanes
-from reflectance_fit.render.kernels.path import trace
+from reflectance_fit.render.kernels.path import summed, trace
 from reflectance_fit.render.pack import Packed, pack
 from reflectance_fit.render.scene import Scene
 from reflectance_fit.render.settings import Settings
@@ -105,14 +107,12 @@ def render(
             try:
                 pixels = 0
                 for job, future in zip(jobs, found, strict=True):
-                    film, lost = future.result()
+                    sums, lost = future.result()
                     discarded += lost
-                    lines, columns = (
-                        slice(job.top, job.top + job.height),
-                        slice(job.left, job.left + job.width),
-                    )
-                    total[lines, columns] += film.sum(axis=0)
-                    squares[lines, columns] += np.sum(film**2, axis=0)
+                    lines = slice(job.top, job.top + job.height)
+                    columns = slice(job.left, job.left + job.width)
+                    total[lines, columns] += sums[0]
+                    squares[lines, columns] += sums[1]
                     pixels += job.width * job.height * job.groups
                     if progress is not None:
                         samples = (done + pixels / (width * height)) * size
@@ -130,16 +130,37 @@ def render(
 def _trace(
     packed: Packed, scene: Scene, settings: Settings, job: _Job, size: int, entries: int
 ) -> tuple[Floats, int]:
-    """Means over each group of a tile, shape (groups, height, width, entries), and how many samples were discarded."""
+    """Sums over groups of their means and of these squared, shape (2, height, width, entries); how many were discarded."""
     has, tables = packed.has, packed.tables
-    film = np.zeros(job.groups * job.height * job.width * entries)
-    numbers = np.empty(lanes.floats(has), tables.shapes.dtype)
+    shape = (job.height, job.width, entries)
+    work = _workspace(job.groups * math.prod(shape), lanes.floats(has), tables.shapes.dtype)
     discarded = trace(
-        has, tables, numbers, lanes.integers(), np.zeros(lanes.QUEUE, numbers.dtype), film,
+        has, tables, work.floats, work.words, work.queue, work.film,
         job.left, job.top, job.width, job.height, job.first, job.groups, size,
         scene.camera.size_px[0], settings.seed, scene.max_depth, *packed.parts,
     )  # fmt: skip
-    return film.reshape(job.groups, job.height, job.width, entries) / size, discarded
+    return summed(work.film, job.groups, math.prod(shape), 1.0 / size).reshape(2, *shape), discarded
+
+
+class _Workspace(NamedTuple):
+    film: Floats
+    floats: NDArray[Any]
+    words: lanes.Words
+    queue: NDArray[Any]
+
+
+_OF_THREAD = threading.local()
+
+
+def _workspace(film: int, floats: int, dtype: np.dtype[Any]) -> _Workspace:
+    """Arrays of this thread, as long as it needs them; the film is dark.  New memory for each tile would cost a tenth."""
+    work: _Workspace | None = getattr(_OF_THREAD, "work", None)
+    if work is None or work.film.size < film or work.floats.size != floats or work.floats.dtype != dtype:
+        work = _Workspace(
+            np.zeros(film), np.empty(floats, dtype), lanes.integers(), np.zeros(lanes.QUEUE, dtype)
+        )
+        _OF_THREAD.work = work
+    return work
 
 
 def _group_size(settings: Settings) -> int:

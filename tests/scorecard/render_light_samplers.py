@@ -50,7 +50,7 @@ def _draw(has, with_image, tables, floats, integers, keys, here, kind, out):  # 
             integers[lanes.SAMPLE + j] = np.uint32(0x51ED270B)
             integers[lanes.DEPTH + j] = np.uint32(0)
         if kind == _WAVE:
-            begin(has, floats, integers, tables)
+            begin(has, floats, integers, tables, np.uint32(0), np.uint32(8))
         else:
             for j in range(lanes.LANES):
                 integers[lanes.DEPTH + j] = np.uint32(1)

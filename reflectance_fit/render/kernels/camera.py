@@ -41,7 +41,7 @@ from reflectance_fit.render.kernels.lanes import (
     row_count,
     u32,
 )
-from reflectance_fit.render.kernels.random import pair
+from reflectance_fit.render.kernels.random import pair, prepared
 from reflectance_fit.render.lobes.select import like, sel
 
 # Entries of the camera's array: position, optical axis, what a step across and down the picture (from -1 to 1) adds to
@@ -50,13 +50,20 @@ AT, AXIS, MOVE_X, MOVE_Y, TURN_X, TURN_Y, RIGHT, STEP, FIRST_ROWS = 0, 3, 6, 9, 
 
 
 @vectorised
-def begin(has: Has, F: Floats, I: Words, tables: Tables) -> None:
-    """New rays where DEPTH is 0, which becomes 1."""
+def begin(has: Has, F: Floats, I: Words, tables: Tables, start: int, width: int) -> None:
+    """New rays where DEPTH is 0, which becomes 1; KEY is the number of a group until then.
+
+    ``start`` comes from the seed; the picture is ``width`` pixels wide.
+    """
     camera = tables.camera
     zero, one, two = like(0.0, F[0]), like(1.0, F[0]), like(2.0, F[0])
     for j in range(LANES):
         new = I[DEPTH + j] == u32(0)
-        a, b = pair(has.sobol, I[KEY + j], I[SAMPLE + j], u32(0), one)
+        pixel = u32(u32(I[LINE + j] * width) + I[COLUMN + j])
+        key, sample = prepared(has.sobol, start, pixel, I[KEY + j], I[SAMPLE + j])
+        key, sample = sel(new, key, I[KEY + j]), sel(new, sample, I[SAMPLE + j])
+        I[KEY + j], I[SAMPLE + j] = key, sample
+        a, b = pair(has.sobol, key, sample, u32(0), one)
         x = (like(i32(I[COLUMN + j]), one) + a) * camera[STEP] * two - one
         y = one - (like(i32(I[LINE + j]), one) + b) * camera[STEP + 1] * two
         dx = camera[AXIS] + x * camera[TURN_X] + y * camera[TURN_Y]
@@ -87,7 +94,7 @@ def begin(has: Has, F: Floats, I: Words, tables: Tables) -> None:
             F[AY + j] = sel(new, ry - (dy + camera[AXIS + 1]) * share, F[AY + j])
             F[AZ + j] = sel(new, rz - (dz + camera[AXIS + 2]) * share, F[AZ + j])
         if len(has.spectral) > 0:
-            hero, _ = pair(has.sobol, I[KEY + j], I[SAMPLE + j], u32(1), one)
+            hero, _ = pair(has.sobol, key, sample, u32(1), one)
             cells = like(QUANTILES, one)
             for c in range(len(has.channels)):
                 u = hero + like(0.25 * c, one)

@@ -22,6 +22,7 @@ from reflectance_fit.render.kernels.lanes import (
     LY,
     LZ,
     MET,
+    MOST,
     NX,
     NY,
     NZ,
@@ -55,14 +56,13 @@ def diffuse(has: Has, F: Floats, I: Words, tables: Tables) -> None:
         nx, ny, nz = F[NX + j], F[NY + j], F[NZ + j]
         front = F[DX + j] * nx + F[DY + j] * ny + F[DZ + j] * nz < zero
         nx, ny, nz = sel(front, nx, -nx), sel(front, ny, -ny), sel(front, nz, -nz)
-        shape = u32(sel(here, I[MET + j], u32(0)) * u32(SHAPE_IDS))
-        colour = tables.shape_ids[shape + OF_COLOUR]
+        colour = tables.shape_ids[(I[MET + j] & MOST) * SHAPE_IDS + OF_COLOUR]
         weight = zero
         if len(has.lamps) > 0:
             cosine = max(F[LX + j] * nx + F[LY + j] * ny + F[LZ + j] * nz, zero) * over_pi
             lit = F[LIT + j]
             weight = sel(lit > zero, power_heuristic(lit, cosine), one) * cosine * F[SEEN + j]
-            weight = sel(here, weight, zero)
+            weight = sel(here & (weight > zero), weight, zero)
             if len(has.refracting) > 0:
                 weight = weight * F[SQUEEZE + j]
         a, b = draw(has, I, j, 1, one)
@@ -77,14 +77,15 @@ def diffuse(has: Has, F: Floats, I: Words, tables: Tables) -> None:
         for c in range(len(has.channels)):
             albedo = value(has, F, tables.curves, colour, c, j)
             if len(has.textures) > 0:
-                albedo = sel(here, F[PAINT + c * LANES + j], albedo)
+                albedo = F[PAINT + c * LANES + j]
+            albedo = sel(here, albedo, one)
             for r in range(row_count(has)):
                 k = row(has, c, r, 0)
                 kept = F[k + j] * albedo
                 if len(has.lamps) > 0:
                     g = gathered(has, c, r)
-                    F[g + j] = F[g + j] + sel(weight > zero, weight * kept * F[EMIT + c * LANES + j], zero)
-                F[k + j] = sel(here, kept, F[k + j])
+                    F[g + j] = F[g + j] + weight * (kept * F[EMIT + c * LANES + j])
+                F[k + j] = kept
                 for s in range(1, components(has)):
                     F[k + s * LANES + j] = sel(here, zero, F[k + s * LANES + j])
         if len(has.rows) > 0:

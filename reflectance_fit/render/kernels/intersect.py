@@ -14,8 +14,6 @@ import numpy as np
 from reflectance_fit.physics.jit import vectorised
 from reflectance_fit.render.kernels.lanes import (
     BEYOND,
-    CENTER,
-    CURVATURE,
     DX,
     DY,
     DZ,
@@ -41,16 +39,17 @@ from reflectance_fit.render.kernels.lanes import (
     OX,
     OY,
     OZ,
+    PLACE,
     POLARIZER,
     PX,
     PY,
     PZ,
-    RADIUS,
     RADIUS2,
     REACH,
     SEEN,
     SHAPE,
     SHAPE_IDS,
+    SPHERES,
     STATE,
     TARGET,
     Floats,
@@ -178,20 +177,20 @@ def meet(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     for j in range(LANES):
         missed = I[MET + j] == u32(NOTHING)
         s = sel(missed, u32(0), I[MET + j])
-        g = (s & MOST) * SHAPE
-        x, y, z = shapes[g + CENTER], shapes[g + 1], shapes[g + 2]
-        bend = shapes[g + CURVATURE]
+        round_ = s < u32(tables.counts[SPHERES])
+        # Of a sphere centre and radius, of a plane its normal and how far it is from the origin along it.
+        g = (s & MOST) * SHAPE + PLACE
+        x, y, z, size = shapes[g], shapes[g + 1], shapes[g + 2], shapes[g + 3]
         t = sel(missed, zero, F[FAR + j])
-        cx, cy, cz = F[OX + j] - x, F[OY + j] - y, F[OZ + j] - z
-        px, py, pz = cx + t * F[DX + j], cy + t * F[DY + j], cz + t * F[DZ + j]
-        nx = shapes[g + NORMAL] + bend * px
-        ny = shapes[g + NORMAL + 1] + bend * py
-        nz = shapes[g + NORMAL + 2] + bend * pz
+        px, py, pz = F[OX + j] + t * F[DX + j], F[OY + j] + t * F[DY + j], F[OZ + j] + t * F[DZ + j]
+        nx, ny, nz = sel(round_, px - x, x), sel(round_, py - y, y), sel(round_, pz - z, z)
         length = one / math.sqrt(nx * nx + ny * ny + nz * nz)
         nx, ny, nz = nx * length, ny * length, nz * length
-        off = shapes[g + RADIUS] - (px * nx + py * ny + pz * nz)
+        off = size - (px * nx + py * ny + pz * nz)
         F[NX + j], F[NY + j], F[NZ + j] = nx, ny, nz
-        F[PX + j], F[PY + j], F[PZ + j] = x + (px + off * nx), y + (py + off * ny), z + (pz + off * nz)
+        F[PX + j] = sel(round_, x + size * nx, px + off * nx)
+        F[PY + j] = sel(round_, y + size * ny, py + off * ny)
+        F[PZ + j] = sel(round_, z + size * nz, pz + off * nz)
         kind = shape_ids[(s & MOST) * SHAPE_IDS + OF_KIND]
         I[MET + j] = s  # a shape there is, for lanes that are listed without need
         asleep = I[STATE + j] != u32(0)

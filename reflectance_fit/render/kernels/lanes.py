@@ -72,10 +72,10 @@ LAST, MOST = LANES - 1, 0xFFFF
 # What a ray can meet.
 MISS, LAMP, DIFFUSE, GLASS, MIRROR, ROUGH_MIRROR, ROUGH_GLASS, COAT, POLARIZER, RETARDER, ASLEEP = range(11)
 
-# One shape: centre, normal (0: sphere), edges over their squared length, radius, its inverse and square,
+# One shape: centre, normal (0: sphere), edges over their squared length, squared radius, where it is in four numbers,
 SHAPE = 24
-CENTER, NORMAL, EDGE_U, EDGE_V, RADIUS, CURVATURE, RADIUS2, ALPHA, M0, M1, M2, M3 = (
-    0, 3, 6, 9, 12, 13, 14, 15, 16, 17, 18, 19,
+CENTER, NORMAL, EDGE_U, EDGE_V, RADIUS2, PLACE, ALPHA, M0, M1, M2, M3 = (
+    0, 3, 6, 9, 12, 13, 17, 18, 19, 20, 21,
 )  # fmt: skip
 # and kind, curves of eta, k and reflectance, light, texture.
 SHAPE_IDS = 10
@@ -101,7 +101,7 @@ class Has(NamedTuple):
     spectral: tuple[int, ...]
     sobol: tuple[int, ...]
     lamps: tuple[int, ...]  # lights that are sampled: none, one, or two for many
-    area: tuple[int, ...]  # with an area
+    area: tuple[int, ...]  # with an area: none, one, or two where some are balls
     points: tuple[int, ...]  # without
     polarized: tuple[int, ...]  # any of them, or the surroundings
     refracting: tuple[int, ...]

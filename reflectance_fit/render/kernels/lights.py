@@ -141,24 +141,25 @@ def sample(has: Has, F: Floats, I: Words, tables: Tables) -> None:
             facing = -(lx * nx + ly * ny + lz * nz)
             lit = far2 / (facing * size)
             strength = sel(facing > zero, one / lit, zero)
-            # A sphere: uniform in the cone under which it is seen.
-            ball = kind == u32(BALL)
-            far2 = x * x + y * y + z * z
-            over = one / math.sqrt(far2)
-            wx, wy, wz = x * over, y * over, z * over
-            most = cone(min(size * size * over * over, one))
-            less = a * most
-            across = math.sqrt(less * (two - less))
-            sx, sy, sz, tx, ty, tz = frame(wx, wy, wz)
-            p, q, up = across * cos, across * sin, one - less
-            cx, cy, cz = p * sx + q * tx + up * wx, p * sy + q * ty + up * wy, p * sz + q * tz + up * wz
-            along = up * far2 * over
-            rest = size * size - across * across * far2
-            lx, ly, lz = sel(ball, cx, lx), sel(ball, cy, ly), sel(ball, cz, lz)
-            reach = sel(ball, along - math.sqrt(max(rest, zero)), reach)
-            area = like(2.0 * math.pi, one) * most
-            lit = sel(ball, one / area, lit)
-            strength = sel(ball, sel(far2 > size * size, area, zero), strength)
+            if len(has.area) > 1:
+                # A sphere: uniform in the cone under which it is seen.
+                ball = kind == u32(BALL)
+                far2 = x * x + y * y + z * z
+                over = one / math.sqrt(far2)
+                wx, wy, wz = x * over, y * over, z * over
+                most = cone(min(size * size * over * over, one))
+                less = a * most
+                across = math.sqrt(less * (two - less))
+                sx, sy, sz, tx, ty, tz = frame(wx, wy, wz)
+                p, q, up = across * cos, across * sin, one - less
+                cx, cy, cz = p * sx + q * tx + up * wx, p * sy + q * ty + up * wy, p * sz + q * tz + up * wz
+                along = up * far2 * over
+                rest = size * size - across * across * far2
+                lx, ly, lz = sel(ball, cx, lx), sel(ball, cy, ly), sel(ball, cz, lz)
+                reach = sel(ball, along - math.sqrt(max(rest, zero)), reach)
+                area = like(2.0 * math.pi, one) * most
+                lit = sel(ball, one / area, lit)
+                strength = sel(ball, sel(far2 > size * size, area, zero), strength)
         if len(has.points) > 0:
             point, sun = kind == u32(POINT), kind == u32(DIRECTIONAL)
             far2 = x * x + y * y + z * z
@@ -171,7 +172,8 @@ def sample(has: Has, F: Floats, I: Words, tables: Tables) -> None:
             lit = sel(point | sun, zero, lit)
         F[LX + j], F[LY + j], F[LZ + j] = lx, ly, lz
         F[REACH + j], F[LIT + j] = reach, lit * chosen
-        strength = strength / chosen
+        # At a point light itself it is infinite, and would be not a number where nothing is taken of it.
+        strength = sel(strength < inf, strength / chosen, zero)
         curve = lamp_ids[w + LAMP_CURVE]
         for c in range(len(has.channels)):
             F[EMIT + c * LANES + j] = strength * value(has, F, tables.curves, curve, c, j)
@@ -184,7 +186,7 @@ def found(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     lamps, lamp_ids = tables.lamps, tables.lamp_ids
     zero, one, pi = like(0.0, F[0]), like(1.0, F[0]), like(math.pi, F[0])
     background = u32(tables.counts[SAMPLED])
-    around = lamp_ids[background * LAMP_IDS + LAMP_CURVE]
+    around, only = lamp_ids[background * LAMP_IDS + LAMP_CURVE], lamp_ids[LAMP_CURVE]
     for j in range(LANES):
         missed = I[KIND + j] == u32(MISS)
         weight = sel(missed, one, zero)
@@ -198,12 +200,13 @@ def found(has: Has, F: Floats, I: Words, tables: Tables) -> None:
             g, w = lamp * LAMPS, lamp * LAMP_IDS
             size, chosen = lamps[g + SIZE], lamps[g + CHOSEN]
             facing = -(F[DX + j] * F[NX + j] + F[DY + j] * F[NY + j] + F[DZ + j] * F[NZ + j])
-            x = lamps[g] - F[OX + j]
-            y = lamps[g + 1] - F[OY + j]
-            z = lamps[g + 2] - F[OZ + j]
-            part = size * size / (x * x + y * y + z * z)
-            ball = lamp_ids[w] == u32(BALL)
-            over = sel(ball, (pi + pi) * cone(min(part, one)), facing * size / (F[FAR + j] * F[FAR + j]))
+            over = facing * size / (F[FAR + j] * F[FAR + j])
+            if len(has.area) > 1:
+                x = lamps[g] - F[OX + j]
+                y = lamps[g + 1] - F[OY + j]
+                z = lamps[g + 2] - F[OZ + j]
+                part = size * size / (x * x + y * y + z * z)
+                over = sel(lamp_ids[w] == u32(BALL), (pi + pi) * cone(min(part, one)), over)
             density = F[DENSITY + j]
             # Delta lobes (density 0) could not have been sampled: weight 1.
             ratio = sel(density > zero, chosen / (over * max(density, like(1e-30, one))), zero)
@@ -211,10 +214,16 @@ def found(has: Has, F: Floats, I: Words, tables: Tables) -> None:
             weight = sel(met & (facing > zero), mis, weight)
             light = sel(met, lamp, light)
             curve = sel(met, lamp_ids[w + LAMP_CURVE], curve)
+        beyond = sel(missed, one, zero)
         if len(has.refracting) > 0:
-            weight = weight * F[SQUEEZE + j]
+            weight, beyond = weight * F[SQUEEZE + j], beyond * F[SQUEEZE + j]
         for c in range(len(has.channels)):
-            radiance = weight * value(has, F, tables.curves, curve, c, j)
+            if len(has.lamps) > 1 or len(has.spectral) > 0:
+                radiance = weight * value(has, F, tables.curves, curve, c, j)
+            else:
+                # The surroundings and one light at most, the same for all lanes: nothing to gather.
+                radiance = beyond * value(has, F, tables.curves, around, c, j)
+                radiance += (weight - beyond) * value(has, F, tables.curves, only, c, j)
             for r in range(row_count(has)):
                 k = row(has, c, r, 0)
                 seen = F[k + j]

@@ -52,7 +52,7 @@ from reflectance_fit.render.kernels.lanes import (
 )
 from reflectance_fit.render.kernels.lights import found, sample
 from reflectance_fit.render.kernels.queue import listed
-from reflectance_fit.render.kernels.random import draw, mix, prepared
+from reflectance_fit.render.kernels.random import draw, mix
 from reflectance_fit.render.kernels.rough import rough_metal
 from reflectance_fit.render.kernels.rough_glass import rough_glass
 from reflectance_fit.render.kernels.sheets import lit_through_sheets, sheet
@@ -190,11 +190,8 @@ def trace(
                 I[COLUMN + j] = u32(left + x)
                 I[LINE + j] = u32(top + y)
                 I[SLOT + j] = u32(slot)
-                pixel = u32((top + y) * picture_width + left + x)
-                I[KEY + j] = mix(
-                    u32(u32(mix(pixel) ^ start) + u32(u32(first_group + group) * u32(0x9E3779B1)))
-                )
-                I[SAMPLE + j] = prepared(has.sobol, u32(number))
+                I[KEY + j] = u32(first_group + group)
+                I[SAMPLE + j] = u32(number)
                 number += 1
                 if number == samples:
                     number = 0
@@ -215,7 +212,7 @@ def trace(
                 idle += int(I[STATE + j] == u32(IDLE))
             if idle == LANES:
                 return discarded
-        begin(has, F, I, tables)
+        begin(has, F, I, tables, start, u32(picture_width))
         closest(has, F, I, tables)
         meet(has, F, I, tables)
         if with_textures is not None:
@@ -249,3 +246,16 @@ def trace(
             sheet(has, F, I, Q, tables, POLARIZER)
             sheet(has, F, I, Q, tables, RETARDER)
         go_on(has, F, I, deepest)
+
+
+@tracer
+def summed(film: Floats, groups: int, entries: int, scale: float) -> Floats:
+    """Sums over groups of a tile's entries times ``scale``, then of their squares; ``film`` is dark again."""
+    sums = np.zeros(2 * entries)
+    for group in range(groups):
+        for k in range(entries):
+            mean = film[group * entries + k] * scale
+            sums[k] += mean
+            sums[entries + k] += mean * mean
+            film[group * entries + k] = 0.0
+    return sums

@@ -39,7 +39,7 @@ from reflectance_fit.render.kernels.lanes import (
 from reflectance_fit.render.lobes.mueller import reflect, turn
 
 # What one round of a loop over a list takes on: a vector of the widest registers in float32.
-CHUNK = 16
+CHUNK = 8
 
 
 @vectorised

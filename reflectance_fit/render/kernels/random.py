@@ -80,16 +80,19 @@ def _second(x: int) -> int:
 
 
 @vectorised
-def prepared(sobol: tuple[int, ...], sample: int) -> int:
-    """What ``pair`` takes for the number of a sample in its group."""
-    return reversed_bits(sample) if len(sobol) > 0 else mix(u32(sample + u32(0x6C8E9CF5)))
+def prepared(sobol: tuple[int, ...], start: int, pixel: int, group: int, number: int) -> tuple[int, int]:
+    """What ``pair`` takes as key and sample for sample ``number`` of a pixel's group; ``start`` comes from the seed."""
+    word = u32(u32(mix(pixel) ^ start) + u32(group * u32(0x9E3779B1)))
+    if len(sobol) > 0:
+        return mix(word), reversed_bits(number)
+    return mix(u32(word + u32(number * u32(0x85EBCA77)))), number
 
 
 @vectorised
 def pair(sobol: tuple[int, ...], key: int, sample: int, dimension: int, number: float) -> tuple[float, float]:
     """Two numbers in [0, 1): of an Owen-scrambled (0, 2)-sequence in a shuffled order, or independent ones.
 
-    ``key`` belongs to a pixel and its group of samples, ``sample`` is its number in the group, ``prepared``.
+    ``key`` and ``sample`` are ``prepared``; independent numbers have a key for each sample.
     """
     seed = mix(u32(key + u32(dimension * u32(0x9E3779B9))))
     if len(sobol) > 0:
@@ -98,8 +101,7 @@ def pair(sobol: tuple[int, ...], key: int, sample: int, dimension: int, number: 
         index = reversed_bits(_scrambled(sample, seed))
         first = reversed_bits(_scrambled(index, other))
         return unit(first, number), unit(reversed_bits(_scrambled(_second(index), third)), number)
-    first = mix(u32(seed ^ sample))
-    return unit(first, number), unit(mix(u32(first + u32(seed * u32(5)))), number)
+    return unit(seed, number), unit(mix(u32(seed ^ u32(0x85EBCA6B))), number)
 
 
 @vectorised

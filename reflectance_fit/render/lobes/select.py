@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
+from numba import types
 from numba.extending import intrinsic
 
 from reflectance_fit.physics.jit import vectorised
@@ -23,10 +24,16 @@ def _like(typing_context: Any, value: Any, number: Any) -> Any:
 like = cast(Callable[[float, float], float], intrinsic(_like))
 
 
-@vectorised
-def sel(condition: bool, a: Number, b: Number) -> Number:
-    """a where the condition holds, else b; both are computed."""
-    return a if condition else b
+def _sel(typing_context: Any, condition: Any, a: Any, b: Any) -> Any:
+    kind = typing_context.unify_types(a, b)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.select(*arguments)
+
+    return kind(types.boolean, kind, kind), generate
+
+
+sel = cast(Callable[[bool, Any, Any], Any], intrinsic(_sel))
 
 
 @vectorised
