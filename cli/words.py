@@ -32,9 +32,9 @@ def print_rendered(rendered: Rendered) -> None:
         f"{width} x {height} pixels, {film.samples} samples each, in {rendered.seconds:.1f} s "
         f"({rate:.2g} million samples a second); standard error {error}"
     )
-    if film.discarded:
+    if rendered.discarded:
         click.echo(
-            f"note: {film.discarded} samples were not numbers and are left out; please report this scene"
+            f"note: {rendered.discarded} samples were not numbers and are left out; please report this scene"
         )
     if rendered.difference is not None:
         for line in difference_lines(rendered.approximation, rendered.difference):

@@ -75,7 +75,7 @@ class Wish:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rendered:
-    """What was rendered, how well, and into which files."""
+    """What was rendered, how well, and into which files; ``discarded`` samples of all pictures were not numbers."""
 
     choice: Choice
     approximation: Fresnel
@@ -83,6 +83,7 @@ class Rendered:
     film: Film
     seconds: float
     error: float
+    discarded: int
     stops: float
     clipped: float
     difference: Difference | None
@@ -225,6 +226,7 @@ def _write(
         film=film,
         seconds=seconds,
         error=relative_error(film),
+        discarded=film.discarded + (0 if other is None else other.discarded),
         stops=stops,
         clipped=clipped_share(radiance, stops),
         difference=compared,

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from PIL import Image
 from reflectance_fit import workflow_render
 from reflectance_fit.cli.main import cli
 from reflectance_fit.data_synthetic.tables import write_example
+from reflectance_fit.render.run import render
 from reflectance_fit.report.read import read_report
 
 SCENE = """\
@@ -68,7 +70,7 @@ def test_it_says_what_it_chose_what_it_cost_and_what_it_wrote(plain):
         r"standard error [\d.]+ % of the mean",
         lines[1],
     )
-    assert lines[2].startswith("preview at ")
+    assert lines[2].startswith("preview at ")  # nothing of samples that are no numbers
     assert lines[3:] == [f"wrote {out}", f"wrote {out.with_suffix('.png')}"]
 
 
@@ -161,6 +163,17 @@ def test_it_stops_at_the_error_that_was_asked_for(scene, tmp_path):
     assert reached[0] <= 5
     assert reached[1] <= 0.4
     assert samples[0] < samples[1] < 65536
+
+
+def test_samples_that_are_no_numbers_are_said(scene, tmp_path, monkeypatch):
+    """Of both pictures that are compared."""
+
+    def broken(*arguments, **named):
+        return replace(render(*arguments, **named), discarded=3)
+
+    monkeypatch.setattr(workflow_render, "render", broken)
+    result = run(scene, "-o", tmp_path / "a.exr", "--spp", 1, "--compare")
+    assert "note: 6 samples were not numbers and are left out; please report this scene\n" in result.stdout
 
 
 def test_quiet_is_quiet(scene, tmp_path):
