@@ -77,9 +77,10 @@ def pack(scene: Scene, settings: Settings) -> Packed:
         for place, (_, words, _) in enumerate(sorted_bodies)
         if words[lanes.OF_KIND] == lanes.LAMP
     }
-    shapes = np.zeros((max(len(bodies), 1), lanes.SHAPE))
+    length = max(len(bodies), lanes.FEW)
+    shapes = np.zeros((length, lanes.SHAPE))
     shapes[:, lanes.PLACE + 2] = 1.0  # what rays without a shape read
-    shape_ids = np.zeros((max(len(bodies), 1), lanes.SHAPE_IDS), np.uint32)
+    shape_ids = np.zeros((length, lanes.SHAPE_IDS), np.uint32)
     for place, (shape, words, numbers) in enumerate(sorted_bodies):
         shapes[place, : lanes.ALPHA] = _geometry(shape, origin)
         shapes[place, lanes.ALPHA : lanes.ALPHA + 5] = numbers
@@ -137,6 +138,7 @@ def pack(scene: Scene, settings: Settings) -> Packed:
         sheets=flag(bool(kinds & {lanes.POLARIZER, lanes.RETARDER})),
         textures=flag(bool(looks.textures)),
         dispersive=flag(looks.dispersive and channels > 1),
+        few=flag(len(bodies) <= lanes.FEW),
         approximate=(0,) * {"exact": 0, "large_index": 2, "lazanyi": 3}.get(settings.fresnel, 1),
     )
     parts = lanes.Parts(

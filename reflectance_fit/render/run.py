@@ -135,7 +135,7 @@ def _trace(
     shape = (job.height, job.width, entries)
     work = _workspace(job.groups * math.prod(shape), lanes.floats(has), tables.shapes.dtype)
     discarded = trace(
-        has, tables, work.floats, work.words, work.queue, work.film,
+        has, tables, work.floats, work.words, work.beside, work.words_beside, work.queue, work.film,
         job.left, job.top, job.width, job.height, job.first, job.groups, size,
         scene.camera.size_px[0], settings.seed, scene.max_depth, *packed.parts,
     )  # fmt: skip
@@ -146,6 +146,8 @@ class _Workspace(NamedTuple):
     film: Floats
     floats: NDArray[Any]
     words: lanes.Words
+    beside: NDArray[Any]
+    words_beside: lanes.Words
     queue: NDArray[Any]
 
 
@@ -157,7 +159,12 @@ def _workspace(film: int, floats: int, dtype: np.dtype[Any]) -> _Workspace:
     work: _Workspace | None = getattr(_OF_THREAD, "work", None)
     if work is None or work.film.size < film or work.floats.size != floats or work.floats.dtype != dtype:
         work = _Workspace(
-            np.zeros(film), np.empty(floats, dtype), lanes.integers(), np.zeros(lanes.QUEUE, dtype)
+            np.zeros(film),
+            np.zeros(floats, dtype),
+            lanes.integers(),
+            np.zeros(floats, dtype),
+            lanes.integers(),
+            np.zeros(lanes.QUEUE, dtype),
         )
         _OF_THREAD.work = work
     return work

@@ -12,12 +12,8 @@ from reflectance_fit.render.kernels.fresnel_of import glass_blocks, glass_reflec
 from reflectance_fit.render.kernels.lanes import (
     ALONE,
     ALPHA,
-    COAT,
     EMIT,
-    KIND,
     LANES,
-    LAST,
-    LIST,
     LIT,
     LX,
     LY,
@@ -60,7 +56,7 @@ from reflectance_fit.render.kernels.local import (
     to_world,
 )
 from reflectance_fit.render.kernels.polarization import sampled_state
-from reflectance_fit.render.kernels.queue import CHUNK, listed, put_back, take_light
+from reflectance_fit.render.kernels.queue import CHUNK
 from reflectance_fit.render.kernels.random import draw
 from reflectance_fit.render.kernels.values import power_heuristic, value
 from reflectance_fit.render.lobes import ggx
@@ -85,7 +81,7 @@ def _through_base(
 @vectorised
 def _light(
     has: Has, F: Floats, I: Words, Q: Floats, tables: Tables,
-    here: Side, shape: int, alpha: float, specular: float, q: int, j: int,
+    here: Side, shape: int, alpha: float, specular: float, j: int,
 ) -> None:  # fmt: skip
     """What the sampled light gives by the base, and by the coat where that is rough."""
     zero, one = like(0.0, alpha), like(1.0, alpha)
@@ -107,7 +103,7 @@ def _light(
     sx, sy, sz, cos, sin = plane_of(has, F, j, wx, wy, wz)
     for c in range(len(has.channels)):
         ra, rb, rc, rd = glass_blocks(has, F, tables, shape, c, j, cosine, True, True)
-        gather_light(has, F, I, Q, tables.lamps, c, q, j, weight, sx, sy, sz, ra, rb, rc, rd, cos, sin)
+        gather_light(has, F, I, Q, tables.lamps, c, j, weight, sx, sy, sz, ra, rb, rc, rd, cos, sin)
     # The base: out of the coat along v, depolarized, into it along l; one block where nothing is polarized.
     around = max(lz, zero) * like(1.0 / math.pi, one)
     mis = power_heuristic(lit, (one - specular) * around)
@@ -115,13 +111,13 @@ def _light(
     sx, sy, sz, cos, sin = plane_of(has, F, j, here.zx, here.zy, here.zz)
     for c in range(len(has.channels)):
         av, bv, al, bl = _through_base(has, F, tables, shape, c, j, here.vz, lz)
-        into_base(has, F, I, Q, tables, here, c, q, j, weight, av, bv, al, bl, cos, sin)
+        into_base(has, F, I, Q, tables, here, c, j, weight, av, bv, al, bl, cos, sin)
 
 
 @vectorised
 def into_base(
     has: Has, F: Floats, I: Words, Q: Floats, tables: Tables, here: Side,
-    c: int, q: int, j: int, weight: float, av: float, bv: float, al: float, bl: float, cos: float, sin: float,
+    c: int, j: int, weight: float, av: float, bv: float, al: float, bl: float, cos: float, sin: float,
 ) -> None:  # fmt: skip
     """Adds what a lane's rows have of the sampled light by way of the base."""
     zero = like(0.0, av)
@@ -136,18 +132,16 @@ def into_base(
             seen = sampled_state(
                 has, F, I, tables.lamps, j, sx, sy, sz, through * al, through * bl, zero, zero
             )
-        k = Q_LIGHT + (c * row_count(has) + r) * LANES + q
+        k = Q_LIGHT + (c * row_count(has) + r) * LANES + j
         Q[k] = Q[k] + sel(weight > zero, weight * F[EMIT + c * LANES + j] * seen, zero)
 
 
 @vectorised
-def coat(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables) -> None:
+def coat(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables, n: int) -> None:
     """One of the two lobes, by what comes back from each."""
-    n = listed(I, KIND, COAT)
     zero, one = like(0.0, F[0]), like(1.0, F[0])
     for block in range(0, n, CHUNK):
-        for q in range(block, block + CHUNK):
-            j = I[LIST + q] & LAST
+        for j in range(block, block + CHUNK):
             here = side(F, j)
             met = I[MET + j] & MOST
             shape, body = met * SHAPE_IDS, met * SHAPE
@@ -158,9 +152,9 @@ def coat(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables) -> None:
                 has, F, tables, shape, 1 if len(has.channels) == 3 else 0, j, min(here.vz, one), True
             )
             specular = choose_specular(power, one - power, tables.shapes[body + M0], tables.shapes[body + M1])
-            no_light(has, Q, q)
+            no_light(has, Q, j)
             if len(has.lamps) > 0:
-                _light(has, F, I, Q, tables, here, shape, alpha, specular, q, j)
+                _light(has, F, I, Q, tables, here, shape, alpha, specular, j)
             u, v = draw(has, I, j, 1, one)
             _, choice = draw(has, I, j, 2, one)
             mirror = choice < specular
@@ -172,10 +166,10 @@ def coat(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables) -> None:
             lx, ly, lz = sel(mirror, rx, bx), sel(mirror, ry, by), sel(mirror, rz, bz)
             d = ggx.ndf(wide, hx, hy, hz)
             lobe = sel(rough, specular * ggx.reflection_pdf(wide, here.vz, d), zero)
-            Q[Q_DENSITY + q] = sel(mirror, lobe, (one - specular) * bz * like(1.0 / math.pi, one))
-            Q[QX + q], Q[QY + q], Q[QZ + q] = to_world(here, lx, ly, lz)
-            Q[Q_SQUEEZE + q] = F[SQUEEZE + j]
-            Q[Q_ALONE + q] = F[ALONE + j]
+            Q[Q_DENSITY + j] = sel(mirror, lobe, (one - specular) * bz * like(1.0 / math.pi, one))
+            Q[QX + j], Q[QY + j], Q[QZ + j] = to_world(here, lx, ly, lz)
+            Q[Q_SQUEEZE + j] = F[SQUEEZE + j]
+            Q[Q_ALONE + j] = F[ALONE + j]
             weight = sel(
                 mirror,
                 sel(rough, ggx.reflection_weight(wide, here.vz, rz), one) / max(specular, like(1e-18, one)),
@@ -194,7 +188,7 @@ def coat(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables) -> None:
                     sel(upright, here.xy, oy * length),
                     sel(upright, here.xz, oz * length),
                 )
-                Q[QA + q], Q[QB + q], Q[QC + q] = (
+                Q[QA + j], Q[QB + j], Q[QC + j] = (
                     sel(mirror, sx, ox),
                     sel(mirror, sy, oy),
                     sel(mirror, sz, oz),
@@ -204,7 +198,7 @@ def coat(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables) -> None:
                 av, bv, al, bl = _through_base(has, F, tables, shape, c, j, here.vz, bz)
                 for r in range(row_count(has)):
                     f = row(has, c, r, 0) + j
-                    k = Q_FACTOR + (c * row_count(has) + r) * components(has) * LANES + q
+                    k = Q_FACTOR + (c * row_count(has) + r) * components(has) * LANES + j
                     if len(has.rows) == 0:
                         Q[k] = F[f] * weight * sel(mirror, ra, av * al)
                     else:
@@ -215,5 +209,3 @@ def coat(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables) -> None:
                         Q[k + LANES] = weight * sel(mirror, m1, through * bl)
                         Q[k + 2 * LANES] = weight * sel(mirror, m2, zero)
                         Q[k + 3 * LANES] = weight * sel(mirror, m3, zero)
-    take_light(has, F, I, Q, n)
-    put_back(has, F, I, Q, n)

@@ -15,6 +15,7 @@ from reflectance_fit.render.kernels.lanes import (
     DY,
     DZ,
     EMIT,
+    FEW,
     KIND,
     LANES,
     LIT,
@@ -47,6 +48,21 @@ from reflectance_fit.render.lobes.select import cos_sin_turn, like, sel
 
 
 @vectorised
+def _albedo(has: Has, F: Floats, I: Words, tables: Tables, c: int, j: int) -> float:
+    """Reflectance of what lane j meets, at one of its channels."""
+    if len(has.textures) > 0:
+        return F[PAINT + c * LANES + j]
+    if len(has.few) == 0 or len(has.spectral) > 0:
+        colour = tables.shape_ids[(I[MET + j] & MOST) * SHAPE_IDS + OF_COLOUR]
+        return value(has, F, tables.curves, colour, c, j)
+    albedo = like(1.0, F[0])
+    for k in range(FEW):
+        colour = tables.shape_ids[k * SHAPE_IDS + OF_COLOUR]
+        albedo = sel(I[MET + j] == u32(k), value(has, F, tables.curves, colour, c, j), albedo)
+    return albedo
+
+
+@vectorised
 def diffuse(has: Has, F: Floats, I: Words, tables: Tables) -> None:
     """Light from the sampled light, and a new direction in proportion to its cosine."""
     zero, one = like(0.0, F[0]), like(1.0, F[0])
@@ -56,7 +72,6 @@ def diffuse(has: Has, F: Floats, I: Words, tables: Tables) -> None:
         nx, ny, nz = F[NX + j], F[NY + j], F[NZ + j]
         front = F[DX + j] * nx + F[DY + j] * ny + F[DZ + j] * nz < zero
         nx, ny, nz = sel(front, nx, -nx), sel(front, ny, -ny), sel(front, nz, -nz)
-        colour = tables.shape_ids[(I[MET + j] & MOST) * SHAPE_IDS + OF_COLOUR]
         weight = zero
         if len(has.lamps) > 0:
             cosine = max(F[LX + j] * nx + F[LY + j] * ny + F[LZ + j] * nz, zero) * over_pi
@@ -75,10 +90,7 @@ def diffuse(has: Has, F: Floats, I: Words, tables: Tables) -> None:
         F[DZ + j] = sel(here, p * sz + q * tz + up * nz, F[DZ + j])
         F[DENSITY + j] = sel(here, up * over_pi, F[DENSITY + j])
         for c in range(len(has.channels)):
-            albedo = value(has, F, tables.curves, colour, c, j)
-            if len(has.textures) > 0:
-                albedo = F[PAINT + c * LANES + j]
-            albedo = sel(here, albedo, one)
+            albedo = sel(here, _albedo(has, F, I, tables, c, j), one)
             for r in range(row_count(has)):
                 k = row(has, c, r, 0)
                 kept = F[k + j] * albedo

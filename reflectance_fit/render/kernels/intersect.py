@@ -20,6 +20,7 @@ from reflectance_fit.render.kernels.lanes import (
     EDGE_U,
     EDGE_V,
     FAR,
+    FEW,
     KIND,
     LAMP,
     LANES,
@@ -179,8 +180,17 @@ def meet(has: Has, F: Floats, I: Words, tables: Tables) -> None:
         s = sel(missed, u32(0), I[MET + j])
         round_ = s < u32(tables.counts[SPHERES])
         # Of a sphere centre and radius, of a plane its normal and how far it is from the origin along it.
-        g = (s & MOST) * SHAPE + PLACE
-        x, y, z, size = shapes[g], shapes[g + 1], shapes[g + 2], shapes[g + 3]
+        if len(has.few) > 0:
+            x, y, z, size, kind = zero, zero, one, zero, u32(MISS)
+            for k in range(FEW):
+                mine, g = s == u32(k), k * SHAPE + PLACE
+                x, y = sel(mine, shapes[g], x), sel(mine, shapes[g + 1], y)
+                z, size = sel(mine, shapes[g + 2], z), sel(mine, shapes[g + 3], size)
+                kind = sel(mine, shape_ids[k * SHAPE_IDS + OF_KIND], kind)
+        else:
+            g = (s & MOST) * SHAPE + PLACE
+            x, y, z, size = shapes[g], shapes[g + 1], shapes[g + 2], shapes[g + 3]
+            kind = shape_ids[(s & MOST) * SHAPE_IDS + OF_KIND]
         t = sel(missed, zero, F[FAR + j])
         px, py, pz = F[OX + j] + t * F[DX + j], F[OY + j] + t * F[DY + j], F[OZ + j] + t * F[DZ + j]
         nx, ny, nz = sel(round_, px - x, x), sel(round_, py - y, y), sel(round_, pz - z, z)
@@ -191,7 +201,6 @@ def meet(has: Has, F: Floats, I: Words, tables: Tables) -> None:
         F[PX + j] = sel(round_, x + size * nx, px + off * nx)
         F[PY + j] = sel(round_, y + size * ny, py + off * ny)
         F[PZ + j] = sel(round_, z + size * nz, pz + off * nz)
-        kind = shape_ids[(s & MOST) * SHAPE_IDS + OF_KIND]
         I[MET + j] = s  # a shape there is, for lanes that are listed without need
         asleep = I[STATE + j] != u32(0)
         I[KIND + j] = sel(asleep, u32(10), sel(missed, u32(MISS), kind))

@@ -81,6 +81,9 @@ CENTER, NORMAL, EDGE_U, EDGE_V, RADIUS2, PLACE, ALPHA, M0, M1, M2, M3 = (
 SHAPE_IDS = 10
 OF_KIND, OF_ETA, OF_K, OF_COLOUR, OF_LIGHT, OF_TEXTURE, OF_R0, OF_B, OF_A, OF_POWER = range(10)
 
+# Of so few shapes each lane's is found sooner by asking for every one of them than by a gather.
+FEW = 8
+
 # One light: position or direction, normal, half edges, area or radius, how often it is chosen, alias table, Stokes vector, axis.
 LAMPS = 24
 AT, TURNED, HALF_U, HALF_V, SIZE, CHOSEN, KEEP, POLARIZED, AXIS = 0, 3, 6, 9, 12, 13, 14, 15, 18
@@ -108,6 +111,7 @@ class Has(NamedTuple):
     sheets: tuple[int, ...]
     textures: tuple[int, ...]
     dispersive: tuple[int, ...]
+    few: tuple[int, ...]  # shapes: no more than FEW
     approximate: tuple[int, ...]  # one: r0, b, a and power 6; two: by eta and k; three: any power
 
 

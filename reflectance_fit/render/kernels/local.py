@@ -101,7 +101,7 @@ def plane_of(
 @vectorised
 def gather_light(
     has: Has, F: Floats, I: Words, Q: Floats, lamps: Floats,
-    c: int, q: int, j: int, weight: float,
+    c: int, j: int, weight: float,
     sx: float, sy: float, sz: float, a: float, b: float, e: float, d: float, cos: float, sin: float,
 ) -> None:  # fmt: skip
     """Adds to Q what a lane's rows have of the sampled light after a block (a, b, e, d) in the plane with s axis s."""
@@ -113,14 +113,14 @@ def gather_light(
             r1, r2 = turn(F[k + LANES], F[k + 2 * LANES], cos, sin)
             r0, r1, r2, r3 = reflect(F[k], r1, r2, F[k + 3 * LANES], a, b, e, d)
             seen = sampled_state(has, F, I, lamps, j, sx, sy, sz, r0, r1, r2, r3)
-        k = Q_LIGHT + (c * row_count(has) + r) * LANES + q
+        k = Q_LIGHT + (c * row_count(has) + r) * LANES + j
         got = weight * F[EMIT + c * LANES + j] * seen
         Q[k] = Q[k] + sel(weight > zero, got, zero)
 
 
 @vectorised
-def no_light(has: Has, Q: Floats, q: int) -> None:
+def no_light(has: Has, Q: Floats, j: int) -> None:
     for c in range(len(has.channels)):
         for r in range(row_count(has)):
-            k = Q_LIGHT + (c * row_count(has) + r) * LANES + q
+            k = Q_LIGHT + (c * row_count(has) + r) * LANES + j
             Q[k] = like(0.0, Q[0])

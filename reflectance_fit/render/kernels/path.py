@@ -6,7 +6,6 @@ import numpy as np
 
 from reflectance_fit.physics.jit import tracer, vectorised
 from reflectance_fit.render.kernels.camera import begin
-from reflectance_fit.render.kernels.coat import coat
 from reflectance_fit.render.kernels.diffuse import diffuse
 from reflectance_fit.render.kernels.intersect import closest, meet, shadow
 from reflectance_fit.render.kernels.lanes import (
@@ -33,7 +32,6 @@ from reflectance_fit.render.kernels.lanes import (
     PY,
     PZ,
     QUANTILES,
-    RETARDER,
     RUNNING,
     SAMPLE,
     SHARE,
@@ -53,11 +51,9 @@ from reflectance_fit.render.kernels.lanes import (
 from reflectance_fit.render.kernels.lights import found, sample
 from reflectance_fit.render.kernels.queue import listed
 from reflectance_fit.render.kernels.random import draw, mix
-from reflectance_fit.render.kernels.rough import rough_metal
-from reflectance_fit.render.kernels.rough_glass import rough_glass
-from reflectance_fit.render.kernels.sheets import lit_through_sheets, sheet
+from reflectance_fit.render.kernels.sheets import lit_through_sheets
 from reflectance_fit.render.kernels.sky import sky_found, sky_sample
-from reflectance_fit.render.kernels.smooth import smooth_glass, smooth_metal
+from reflectance_fit.render.kernels.surfaces import scatter
 from reflectance_fit.render.kernels.texture import paint
 from reflectance_fit.render.kernels.values import FIRST_NM, POINTS, STEP_NM
 from reflectance_fit.render.lobes.select import like, sel
@@ -142,6 +138,8 @@ def trace(
     tables: Tables,
     F: Floats,
     I: Words,
+    G: Floats,
+    J: Words,
     Q: Floats,
     film: Floats,
     left: int,
@@ -232,19 +230,10 @@ def trace(
             if with_sheets is not None:
                 lit_through_sheets(has, F, I, tables)
         diffuse(has, F, I, tables)
-        if with_glass is not None:
-            smooth_glass(has, F, I, Q, tables)
-        if with_metal is not None:
-            smooth_metal(has, F, I, Q, tables)
-        if with_rough_metal is not None:
-            rough_metal(has, F, I, Q, tables)
-        if with_rough_glass is not None:
-            rough_glass(has, F, I, Q, tables)
-        if with_coat is not None:
-            coat(has, F, I, Q, tables)
-        if with_sheets is not None:
-            sheet(has, F, I, Q, tables, POLARIZER)
-            sheet(has, F, I, Q, tables, RETARDER)
+        scatter(
+            has, F, I, G, J, Q, tables,
+            with_glass, with_metal, with_rough_metal, with_rough_glass, with_coat, with_sheets,
+        )  # fmt: skip
         go_on(has, F, I, deepest)
 
 

@@ -7,9 +7,6 @@ from reflectance_fit.render.kernels.fresnel_of import glass_blocks, glass_reflec
 from reflectance_fit.render.kernels.lanes import (
     ALONE,
     ALPHA,
-    KIND,
-    LAST,
-    LIST,
     LIT,
     LX,
     LY,
@@ -25,7 +22,6 @@ from reflectance_fit.render.kernels.lanes import (
     QX,
     QY,
     QZ,
-    ROUGH_GLASS,
     SEEN,
     SHAPE,
     SHAPE_IDS,
@@ -44,7 +40,7 @@ from reflectance_fit.render.kernels.local import (
     to_local,
     to_world,
 )
-from reflectance_fit.render.kernels.queue import CHUNK, listed, put_back, take_light, weigh
+from reflectance_fit.render.kernels.queue import CHUNK, weigh
 from reflectance_fit.render.kernels.random import draw
 from reflectance_fit.render.kernels.values import power_heuristic
 from reflectance_fit.render.lobes import ggx
@@ -94,7 +90,7 @@ def channel_share(has: Has, apart: float, k: int) -> float:
 @vectorised
 def _light(
     has: Has, F: Floats, I: Words, Q: Floats, tables: Tables,
-    here: Side, shape: int, alpha: float, q: int, j: int,
+    here: Side, shape: int, alpha: float, j: int,
 ) -> None:  # fmt: skip
     """What the sampled light gives through the one facet that turns it into the path."""
     zero, one = like(0.0, alpha), like(1.0, alpha)
@@ -126,26 +122,24 @@ def _light(
     for c in range(len(has.channels)):
         ra, rb, rc, rd = glass_blocks(has, F, tables, shape, c, j, cosine, here.front, back)
         gather_light(
-            has, F, I, Q, tables.lamps, c, q, j, weight * channel_share(has, apart, c),
+            has, F, I, Q, tables.lamps, c, j, weight * channel_share(has, apart, c),
             sx, sy, sz, ra, rb, rc, rd, cos, sin,
         )  # fmt: skip
 
 
 @vectorised
-def rough_glass(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables) -> None:
+def rough_glass(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables, n: int) -> None:
     """A visible facet reflects with the channels' mean reflectance, else refracts."""
-    n = listed(I, KIND, ROUGH_GLASS)
     zero, one = like(0.0, F[0]), like(1.0, F[0])
     for block in range(0, n, CHUNK):
-        for q in range(block, block + CHUNK):
-            j = I[LIST + q] & LAST
+        for j in range(block, block + CHUNK):
             here = side(F, j)
             met = I[MET + j] & MOST
             shape = met * SHAPE_IDS
             alpha = tables.shapes[met * SHAPE + ALPHA]
-            no_light(has, Q, q)
+            no_light(has, Q, j)
             if len(has.lamps) > 0:
-                _light(has, F, I, Q, tables, here, shape, alpha, q, j)
+                _light(has, F, I, Q, tables, here, shape, alpha, j)
             u, v = draw(has, I, j, 1, one)
             _, choice = draw(has, I, j, 2, one)
             hx, hy, hz = ggx.sample_visible(alpha, here.vx, here.vy, here.vz, u, v)
@@ -171,17 +165,15 @@ def rough_glass(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables) -> Non
                 sel(tz < zero, ggx.g1(alpha, max(-tz, zero)), zero) / (one - chance),
             )
             lx, ly, lz = sel(back, rx, tx), sel(back, ry, ty), sel(back, rz, tz)
-            Q[Q_DENSITY + q] = density
-            Q[QX + q], Q[QY + q], Q[QZ + q] = to_world(here, lx, ly, lz)
-            Q[Q_SQUEEZE + q] = F[SQUEEZE + j] * sel(back, one, over2)
+            Q[Q_DENSITY + j] = density
+            Q[QX + j], Q[QY + j], Q[QZ + j] = to_world(here, lx, ly, lz)
+            Q[Q_SQUEEZE + j] = F[SQUEEZE + j] * sel(back, one, over2)
             wx, wy, wz = to_world(here, hx, hy, hz)
             sx, sy, sz, cos, sin = plane_of(has, F, j, wx, wy, wz)
-            Q[QA + q], Q[QB + q], Q[QC + q] = sx, sy, sz
+            Q[QA + j], Q[QB + j], Q[QC + j] = sx, sy, sz
             apart = apart_share(has, F, j, back, same, one)
-            Q[Q_ALONE + q] = F[ALONE + j] + apart
+            Q[Q_ALONE + j] = F[ALONE + j] + apart
             for c in range(len(has.channels)):
                 ra, rb, rc, rd = glass_blocks(has, F, tables, shape, c, j, cosine, here.front, back)
                 share = weight * channel_share(has, apart, c)
-                weigh(has, F, Q, c, q, j, share * ra, share * rb, share * rc, share * rd, cos, sin)
-    take_light(has, F, I, Q, n)
-    put_back(has, F, I, Q, n)
+                weigh(has, F, Q, c, j, share * ra, share * rb, share * rc, share * rd, cos, sin)

@@ -26,12 +26,9 @@ from reflectance_fit.render.kernels.lanes import (
     DZ,
     EDGE_U,
     EDGE_V,
-    KIND,
     LAMPS,
     LANES,
-    LAST,
     LIGHT,
-    LIST,
     LX,
     LY,
     LZ,
@@ -75,7 +72,7 @@ from reflectance_fit.render.kernels.lanes import (
     u32,
 )
 from reflectance_fit.render.kernels.polarization import state_of
-from reflectance_fit.render.kernels.queue import CHUNK, listed, put_back
+from reflectance_fit.render.kernels.queue import CHUNK
 from reflectance_fit.render.kernels.values import frame
 from reflectance_fit.render.lobes.mueller import double_angle, polarize, retard, turn
 from reflectance_fit.render.lobes.select import like, sel
@@ -124,30 +121,28 @@ def _through(
 
 
 @vectorised
-def sheet(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables, kind: int) -> None:
+def sheet(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables, kind: int, n: int) -> None:
     """Camera rays through one kind of sheet."""
-    n = listed(I, KIND, kind)
     half, one = like(0.5, F[0]), like(1.0, F[0])
     polarizer = kind == POLARIZER
     for block in range(0, n, CHUNK):
-        for q in range(block, block + CHUNK):
-            j = I[LIST + q] & LAST
+        for j in range(block, block + CHUNK):
             g = (I[MET + j] & MOST) * SHAPE
             dx, dy, dz = F[DX + j], F[DY + j], F[DZ + j]
-            Q[QX + q], Q[QY + q], Q[QZ + q] = dx, dy, dz
-            Q[Q_DENSITY + q] = F[DENSITY + j]
-            Q[Q_SQUEEZE + q] = F[SQUEEZE + j]
-            Q[Q_ALONE + q] = F[ALONE + j]
+            Q[QX + j], Q[QY + j], Q[QZ + j] = dx, dy, dz
+            Q[Q_DENSITY + j] = F[DENSITY + j]
+            Q[Q_SQUEEZE + j] = F[SQUEEZE + j]
+            Q[Q_ALONE + j] = F[ALONE + j]
             cos, sin = one, half
             if len(has.rows) > 0:
                 ax, ay, az = F[AX + j], F[AY + j], F[AZ + j]
                 sx, sy, sz = _axis(tables.shapes, g, polarizer, dx, dy, dz)
                 cos, sin = double_angle(ax, ay, az, sx, sy, sz, -dx, -dy, -dz)
-                Q[QA + q], Q[QB + q], Q[QC + q] = sx, sy, sz
+                Q[QA + j], Q[QB + j], Q[QC + j] = sx, sy, sz
             for c in range(len(has.channels)):
                 for r in range(row_count(has)):
                     f = row(has, c, r, 0) + j
-                    k = Q_FACTOR + (c * row_count(has) + r) * components(has) * LANES + q
+                    k = Q_FACTOR + (c * row_count(has) + r) * components(has) * LANES + j
                     if len(has.rows) == 0:
                         Q[k] = F[f] * (half if polarizer else one)
                     else:
@@ -155,7 +150,6 @@ def sheet(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables, kind: int) -
                         r3 = F[f + 3 * LANES]
                         r0, r1, r2, r3 = _through(tables.shapes, g, polarizer, F[f], r1, r2, r3)
                         Q[k], Q[k + LANES], Q[k + 2 * LANES], Q[k + 3 * LANES] = r0, r1, r2, r3
-    put_back(has, F, I, Q, n)
 
 
 @vectorised

@@ -11,12 +11,7 @@ from reflectance_fit.render.kernels.lanes import (
     DX,
     DY,
     DZ,
-    GLASS,
-    KIND,
-    LAST,
-    LIST,
     MET,
-    MIRROR,
     MOST,
     NX,
     NY,
@@ -38,22 +33,20 @@ from reflectance_fit.render.kernels.lanes import (
     Words,
 )
 from reflectance_fit.render.kernels.local import plane_of
-from reflectance_fit.render.kernels.queue import CHUNK, listed, put_back, weigh
+from reflectance_fit.render.kernels.queue import CHUNK, weigh
 from reflectance_fit.render.kernels.random import draw
 from reflectance_fit.render.lobes.select import like, sel
 
 
 @vectorised
-def smooth_glass(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables) -> None:
+def smooth_glass(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables, n: int) -> None:
     """Reflection with the probability of the channels' mean reflectance, else refraction."""
-    n = listed(I, KIND, GLASS)
     zero, one, two = like(0.0, F[0]), like(1.0, F[0]), like(2.0, F[0])
     count = len(has.channels)
     # The channel that is refracted: the middle one, or the first wavelength.
     leading = 1 if count == 3 else 0
     for block in range(0, n, CHUNK):
-        for q in range(block, block + CHUNK):
-            j = I[LIST + q] & LAST
+        for j in range(block, block + CHUNK):
             dx, dy, dz = F[DX + j], F[DY + j], F[DZ + j]
             nx, ny, nz = F[NX + j], F[NY + j], F[NZ + j]
             cosine = -(dx * nx + dy * ny + dz * nz)
@@ -81,16 +74,16 @@ def smooth_glass(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables) -> No
             push = sel(back, two * c, c * over - cos_t)
             tx, ty, tz = along * dx + push * nx, along * dy + push * ny, along * dz + push * nz
             length = one / math.sqrt(tx * tx + ty * ty + tz * tz)
-            Q[QX + q], Q[QY + q], Q[QZ + q] = tx * length, ty * length, tz * length
-            Q[Q_DENSITY + q] = zero
-            Q[Q_SQUEEZE + q] = F[SQUEEZE + j] * sel(back, one, over * over)
+            Q[QX + j], Q[QY + j], Q[QZ + j] = tx * length, ty * length, tz * length
+            Q[Q_DENSITY + j] = zero
+            Q[Q_SQUEEZE + j] = F[SQUEEZE + j] * sel(back, one, over * over)
             scale = one / sel(back, chance, one - chance)
             sx, sy, sz, cos, sin = plane_of(has, F, j, nx, ny, nz)
-            Q[QA + q], Q[QB + q], Q[QC + q] = sx, sy, sz
+            Q[QA + j], Q[QB + j], Q[QC + j] = sx, sy, sz
             apart = zero
             if len(has.spectral) > 0:
                 apart = sel(back | same | (F[ALONE + j] > zero), zero, one)
-                Q[Q_ALONE + q] = F[ALONE + j] + apart
+                Q[Q_ALONE + j] = F[ALONE + j] + apart
             for k in range(count):
                 share = scale
                 if len(has.spectral) > 0:
@@ -98,21 +91,18 @@ def smooth_glass(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables) -> No
                     share = share * sel(apart > zero, like(count, one) if k == 0 else zero, one)
                 if len(has.rows) == 0 and len(has.dispersive) == 0:
                     # Drawn by its own reflectance.
-                    weigh(has, F, Q, k, q, j, one, zero, zero, zero, cos, sin)
+                    weigh(has, F, Q, k, j, one, zero, zero, zero, cos, sin)
                 else:
                     ra, rb, rc, rd = glass_blocks(has, F, tables, shape, k, j, c, front, back)
-                    weigh(has, F, Q, k, q, j, share * ra, share * rb, share * rc, share * rd, cos, sin)
-    put_back(has, F, I, Q, n)
+                    weigh(has, F, Q, k, j, share * ra, share * rb, share * rc, share * rd, cos, sin)
 
 
 @vectorised
-def smooth_metal(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables) -> None:
+def smooth_metal(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables, n: int) -> None:
     """Reflection, on either side."""
-    n = listed(I, KIND, MIRROR)
     zero, one, two = like(0.0, F[0]), like(1.0, F[0]), like(2.0, F[0])
     for block in range(0, n, CHUNK):
-        for q in range(block, block + CHUNK):
-            j = I[LIST + q] & LAST
+        for j in range(block, block + CHUNK):
             dx, dy, dz = F[DX + j], F[DY + j], F[DZ + j]
             nx, ny, nz = F[NX + j], F[NY + j], F[NZ + j]
             cosine = -(dx * nx + dy * ny + dz * nz)
@@ -120,14 +110,13 @@ def smooth_metal(has: Has, F: Floats, I: Words, Q: Floats, tables: Tables) -> No
             push = two * cosine
             tx, ty, tz = dx + push * nx, dy + push * ny, dz + push * nz
             length = one / math.sqrt(tx * tx + ty * ty + tz * tz)
-            Q[QX + q], Q[QY + q], Q[QZ + q] = tx * length, ty * length, tz * length
-            Q[Q_DENSITY + q] = zero
-            Q[Q_SQUEEZE + q] = F[SQUEEZE + j]
-            Q[Q_ALONE + q] = F[ALONE + j]
+            Q[QX + j], Q[QY + j], Q[QZ + j] = tx * length, ty * length, tz * length
+            Q[Q_DENSITY + j] = zero
+            Q[Q_SQUEEZE + j] = F[SQUEEZE + j]
+            Q[Q_ALONE + j] = F[ALONE + j]
             sx, sy, sz, cos, sin = plane_of(has, F, j, nx, ny, nz)
-            Q[QA + q], Q[QB + q], Q[QC + q] = sx, sy, sz
+            Q[QA + j], Q[QB + j], Q[QC + j] = sx, sy, sz
             shape = (I[MET + j] & MOST) * SHAPE_IDS
             for k in range(len(has.channels)):
                 ra, rb, rc, rd = metal_block(has, F, tables, shape, k, j, c)
-                weigh(has, F, Q, k, q, j, ra, rb, rc, rd, cos, sin)
-    put_back(has, F, I, Q, n)
+                weigh(has, F, Q, k, j, ra, rb, rc, rd, cos, sin)
