@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +66,7 @@ def find_corners(picture: FloatArray, origin: tuple[float, float], step: int, bo
     # None without a board, whatever the annotations say; (N, 1, 2) before OpenCV 5, (N, 2) since.
     corners, ids, _, _ = detector.detectBoard(grey)
     xy = np.zeros((0, 2)) if corners is None else np.asarray(corners, dtype=np.float64).reshape(-1, 2)
+    xy = xy - _origin_of_corners()
     numbers = np.zeros(0, np.int64) if ids is None else np.asarray(ids, dtype=np.int64).reshape(-1)
     rows = numbers // (board.squares[0] - 1)
     columns = numbers % (board.squares[0] - 1)
@@ -75,3 +77,23 @@ def find_corners(picture: FloatArray, origin: tuple[float, float], step: int, bo
         )
     height, width = picture.shape
     return Corners(numbers, xy * step + np.array(origin), (height * step, width * step))
+
+
+@cache
+def _origin_of_corners() -> float:
+    """What the installed OpenCV calls the centre of the first pixel: 0, or 0.5 as versions 4 do; asked of a drawn board."""
+    import cv2
+
+    side, margin = 40, 40
+    board = cv2.aruco.CharucoBoard(
+        (3, 3), 1.0, 0.75, cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    )
+    drawn = np.pad(board.generateImage((3 * side, 3 * side)), margin, constant_values=255)
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    detector = cv2.aruco.CharucoDetector(board, cv2.aruco.CharucoParameters(), parameters)
+    found, ids, _, _ = detector.detectBoard(cv2.GaussianBlur(drawn, (0, 0), 1.0))
+    numbers = np.asarray(ids).ravel()
+    # An edge between two pixels lies half a pixel before the centre of the second.
+    true = np.stack([numbers % 2 + 1, numbers // 2 + 1], axis=1) * side + margin - 0.5
+    return float(np.round(2.0 * np.mean(np.reshape(found, (-1, 2)) - true)) / 2.0)
