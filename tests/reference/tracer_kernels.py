@@ -44,18 +44,19 @@ def specked(scene: Scene) -> Scene:
 
     dispersive = Dielectric(Spectrum(np.array([1.6, 1.5]), np.array([400.0, 700.0])))
     plastic = Plastic(constant(1.5), Spectrum(np.array([0.2, 0.6, 0.3])), 0.3)
-    balls = (GLASS, dispersive, replace(TINTED, roughness=0.3), plastic)
+    rough = replace(GLASS, roughness=0.3), replace(TINTED, roughness=0.3)
+    balls = (GLASS, dispersive, TINTED, *rough, plastic)
     u, v = (float(x) for x in _SMALL * aside), (float(x) for x in _SMALL * np.cross(behind, aside))
-    square = Rectangle(at(4), tuple(u), tuple(v))
+    square = Rectangle(at(6), tuple(u), tuple(v))
     paint = Lambertian(Texture(np.full((1, 1, 3), 0.5)))
     surfaces = (
         *(Surface(Sphere(at(number), _SMALL), ball) for number, ball in enumerate(balls)),
         Surface(square, PolarizerSheet(0.0)),
-        Surface(replace(square, center=at(5)), paint),
+        Surface(replace(square, center=at(7)), paint),
     )
     lights = (
-        AreaLight(Sphere(at(6), _SMALL), constant(1e-6)),
-        PointLight(at(7), constant(1e-9), CIRCULAR),
+        AreaLight(Sphere(at(8), _SMALL), constant(1e-6)),
+        PointLight(at(9), constant(1e-9), CIRCULAR),
     )
     return replace(scene, surfaces=scene.surfaces + surfaces, lights=scene.lights + lights)
 

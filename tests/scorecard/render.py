@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from pathlib import Path
 
 from card import Figure, Table
@@ -17,6 +20,10 @@ import render_lobes
 import render_modes
 import render_polarized
 import render_statistics
+
+Part = Callable[[], Iterator[Figure | Table]]
+PROCESSES = 2
+_LONGEST = ("modes", "Mitsuba")  # begun first
 
 
 def about(*, full: bool) -> str:
@@ -32,11 +39,24 @@ def about(*, full: bool) -> str:
 
 
 def figures(*, full: bool) -> Iterator[Figure | Table]:
-    yield from render_lobes.figures()
-    yield from render_furnace.figures(full=full)
-    yield from render_irradiance.figures(full=full)
-    yield from render_statistics.unbiased(full=full)
-    yield from render_polarized.figures(full=full)
-    yield from render_statistics.agreement(full=full)
-    yield from render_modes.figures(full=full)
-    yield from render_bad.figures()
+    """Two parts at a time: most of what a part takes is compiling, which is one thread's work."""
+    parts: dict[str, Part] = {
+        "surfaces": render_lobes.figures,
+        "furnaces": partial(render_furnace.figures, full=full),
+        "irradiance": partial(render_irradiance.figures, full=full),
+        "bias": partial(render_statistics.unbiased, full=full),
+        "polarization": partial(render_polarized.figures, full=full),
+        "Mitsuba": partial(render_statistics.agreement, full=full),
+        "modes": partial(render_modes.figures, full=full),
+        "bad scenes": render_bad.figures,
+    }
+    with ProcessPoolExecutor(PROCESSES, multiprocessing.get_context("spawn")) as pool:
+        jobs = {
+            name: pool.submit(_told, parts[name]) for name in sorted(parts, key=_LONGEST.__contains__)[::-1]
+        }
+        for name in parts:
+            yield from jobs[name].result()
+
+
+def _told(part: Part) -> list[Figure | Table]:
+    return list(part())
