@@ -19,7 +19,7 @@ from reflectance_fit.views import FloatArray, ViewMaps
 _WIDTH = 9.6  # inches: three pictures side by side
 _LEFT, _RIGHT, _GAP, _TOP, _BOTTOM = 0.62, 0.72, 1.05, 0.62, 0.5
 _PANEL = (_WIDTH - _LEFT - _RIGHT - 2 * _GAP) / 3
-_LOWEST, _TALLEST = 0.45, 1.3  # of a panel's height over its width
+_LOWEST, _TALLEST = 0.2, 1.3  # of a panel's height over its width
 _BESIDE = "#F2F2F2"
 _MASKS = ("#E69F00", "#CC79A7", "#D55E00", "#0072B2")
 # Below this degree of polarization its azimuth is that of noise.
