@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,21 +54,14 @@ def find_corners(picture: FloatArray, origin: tuple[float, float], step: int, bo
     ReflectanceFitError
         When fewer than 8 corners are found, or all are on one line.
     """
-    import cv2
 
     white = float(np.percentile(picture, _WHITE_PERCENTILE))
     if white <= 0:
         raise ReflectanceFitError("is too dark to show the board")
     # The root is nearer to what detectors are made for; a corner is alike in both, so it does not move it.
     grey = np.round(255 * np.sqrt(np.clip(picture / white, 0.0, 1.0))).astype(np.uint8)
-    parameters = cv2.aruco.DetectorParameters()
-    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-    detector = cv2.aruco.CharucoDetector(board.opencv(), cv2.aruco.CharucoParameters(), parameters)
-    # None without a board, whatever the annotations say; (N, 1, 2) before OpenCV 5, (N, 2) since.
-    corners, ids, _, _ = detector.detectBoard(grey)
-    xy = np.zeros((0, 2)) if corners is None else np.asarray(corners, dtype=np.float64).reshape(-1, 2)
+    xy, numbers = _detected(board.opencv(), grey)
     xy = xy - _origin_of_corners()
-    numbers = np.zeros(0, np.int64) if ids is None else np.asarray(ids, dtype=np.int64).reshape(-1)
     rows = numbers // (board.squares[0] - 1)
     columns = numbers % (board.squares[0] - 1)
     if len(numbers) < MIN_CORNERS or np.ptp(rows) == 0 or np.ptp(columns) == 0:
@@ -77,6 +71,20 @@ def find_corners(picture: FloatArray, origin: tuple[float, float], step: int, bo
         )
     height, width = picture.shape
     return Corners(numbers, xy * step + np.array(origin), (height * step, width * step))
+
+
+def _detected(board: Any, grey: NDArray[Any]) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Places of the corners as OpenCV counts pixels, shape (N, 2), and their identifiers."""
+    import cv2
+
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    detector = cv2.aruco.CharucoDetector(board, cv2.aruco.CharucoParameters(), parameters)
+    # None without a board, whatever the annotations say; (N, 1, 2) before OpenCV 5, (N, 2) since.
+    corners, ids, _, _ = detector.detectBoard(grey)
+    if corners is None or ids is None:
+        return np.zeros((0, 2)), np.zeros(0, np.int64)
+    return np.asarray(corners, dtype=np.float64).reshape(-1, 2), np.asarray(ids, dtype=np.int64).reshape(-1)
 
 
 @cache
@@ -89,11 +97,7 @@ def _origin_of_corners() -> float:
         (3, 3), 1.0, 0.75, cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
     )
     drawn = np.pad(board.generateImage((3 * side, 3 * side)), margin, constant_values=255)
-    parameters = cv2.aruco.DetectorParameters()
-    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-    detector = cv2.aruco.CharucoDetector(board, cv2.aruco.CharucoParameters(), parameters)
-    found, ids, _, _ = detector.detectBoard(cv2.GaussianBlur(drawn, (0, 0), 1.0))
-    numbers = np.asarray(ids).ravel()
+    found, numbers = _detected(board, cv2.GaussianBlur(drawn, (0, 0), 1.0))
     # An edge between two pixels lies half a pixel before the centre of the second.
     true = np.stack([numbers % 2 + 1, numbers // 2 + 1], axis=1) * side + margin - 0.5
-    return float(np.round(2.0 * np.mean(np.reshape(found, (-1, 2)) - true)) / 2.0)
+    return float(np.round(2.0 * np.mean(found - true)) / 2.0)
