@@ -82,12 +82,14 @@ class Pose:
     """What one photograph on a board shows of its sample.
 
     ``view`` is a number alike for photographs of one pose, ``normal`` that of
-    the sample, towards the camera; ``edges`` are the rings of the angle of
-    incidence that the region spans, radians.
+    the sample, towards the camera; ``board`` the board's rotation vector and
+    translation (mm) into the camera's frame; ``edges`` are the rings of the
+    angle of incidence that the region spans, radians.
     """
 
     view: int
     normal: Vector
+    board: tuple[float, ...]
     edges: tuple[float, ...]
 
 

@@ -117,7 +117,7 @@ def _pose(poses: Poses[Path], path: Path, box: tuple[int, int, int, int]) -> Pos
     low, high = max(0.0, low - margin), high + margin
     rings = max(1, math.ceil((high - low) / _WIDEST_RING))
     edges = tuple(float(edge) for edge in np.linspace(low, high, rings + 1))
-    return Pose(poses.view[path], poses.normals[path], edges)
+    return Pose(poses.view[path], poses.normals[path], poses.boards[path], edges)
 
 
 def _with_angle(

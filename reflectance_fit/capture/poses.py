@@ -30,8 +30,8 @@ _WORST_DEG = 0.5
 class Poses(Generic[Name]):
     """What the corners say.
 
-    ``normals`` and ``view`` are by photograph: the board's normal towards the
-    camera, and a number alike for those of one pose.  ``rejected`` has the
+    ``normals``, ``boards`` and ``view`` are by photograph: the board's normal towards the
+    camera, its rotation vector and translation (mm), and a number alike for those of one pose.  ``rejected`` has the
     reason of every photograph left out.  ``sigma_deg`` is the standard deviation of
     the angle of incidence of each view by its number, apart from
     ``common_sigma_deg``, that of an error which all views share.
@@ -39,6 +39,7 @@ class Poses(Generic[Name]):
 
     camera: Camera
     normals: dict[Name, tuple[float, float, float]]
+    boards: dict[Name, tuple[float, ...]]
     view: dict[Name, int]
     sigma_deg: dict[int, float]
     common_sigma_deg: float
@@ -98,6 +99,12 @@ def find_poses(
         normals={
             name: (float(n[0]), float(n[1]), float(n[2]))
             for view, n in zip(views, fit.normals, strict=True)
+            for name in view
+            if name not in rejected
+        },
+        boards={
+            name: tuple(map(float, board))
+            for view, board in zip(views, fit.boards, strict=True)
             for name in view
             if name not in rejected
         },
