@@ -1,0 +1,164 @@
+"""From photographs to a number for every pixel: tiles of cells, each estimated by itself and kept on the disk."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reflectance_fit.capture.bins import Cells
+from reflectance_fit.capture.pixel_signals import PixelSignals, PixelSource
+from reflectance_fit.errors import Problem, ReflectanceFitError
+from reflectance_fit.map_columns import FIELDS, OF_K
+from reflectance_fit.pixels.estimate import PixelResult, estimate
+from reflectance_fit.pixels.rows import PixelRows
+from reflectance_fit.pixels.status import Status
+from reflectance_fit.priors import Prior
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MapJob:
+    """What every tile is computed from; ``models`` maps channel to dielectric or conductor."""
+
+    source: PixelSource
+    models: Mapping[str, str]
+    priors: Mapping[str, Prior]
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """The fields that the map has."""
+        has_k = "conductor" in self.models.values()
+        return tuple(name for name in FIELDS if has_k or name not in OF_K)
+
+
+@dataclass(frozen=True, slots=True)
+class Tile:
+    """A part of the map: its first row and column, what it shows, and the file that its numbers go to."""
+
+    row: int
+    column: int
+    cells: Cells
+    path: Path
+
+
+def tiles_of(extent: Cells, side: int, folder: Path) -> Iterator[Tile]:
+    """``extent`` in squares of ``side`` cells, cut at the edges, row by row."""
+    for row in range(0, extent.rows, side):
+        for column in range(0, extent.columns, side):
+            part = replace(
+                extent,
+                left=extent.left + extent.pitch * column,
+                top=extent.top + extent.pitch * row,
+                rows=min(side, extent.rows - row),
+                columns=min(side, extent.columns - column),
+            )
+            yield Tile(row, column, part, folder / f"tile-{row:06d}-{column:06d}.npz")
+
+
+def compute_tile(job: MapJob, tile: Tile) -> None:
+    """Estimate a tile and write its file, whole or not at all: it may be computed twice, by two workers at once."""
+    parts = [
+        pixels_of(job.source.signals(channel, tile.cells), model, job)
+        for channel, model in job.models.items()
+    ]
+    shape = (len(parts), tile.cells.rows, tile.cells.columns)
+    fields = {name: np.stack([part[name] for part in parts]).reshape(shape) for name in job.fields}
+    # Of another process, or another machine, that computes the same tile.
+    unfinished = tile.path.with_name(f".{tile.path.stem}.{os.urandom(8).hex()}.npz")
+    try:
+        np.savez(unfinished, **fields)
+        unfinished.replace(tile.path)
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+def pixels_of(signals: PixelSignals, model: str, job: MapJob) -> dict[str, NDArray[Any]]:
+    """The fields of one channel of some cells, shape (cells,) each."""
+    rows = pixel_rows(signals, job.source.capture.exterior_ior)
+    unknown = np.isnan(signals.variance).all()
+    if unknown:
+        message = (
+            "how noisy its pixels are is not known, so no sigma can be given; state camera.noise, "
+            "or photograph flats and darks in pairs"
+        )
+        raise ReflectanceFitError(Problem(str(job.source.capture.path), None, message))
+    reason = np.where(signals.inside, 0, Status.OUTSIDE).astype(np.uint8)
+    result = estimate(rows, model, reason, job.priors)
+    status = result.status.copy()
+    few = status == Status.TOO_FEW
+    status[few & signals.masked] = Status.MASKED
+    status[few & signals.saturated] = Status.SATURATED
+    return _fields(result, model, status)
+
+
+def _fields(result: PixelResult, model: str, status: NDArray[np.uint8]) -> dict[str, NDArray[Any]]:
+    found = {
+        "eta": result.eta,
+        "eta_sigma": result.eta_sigma,
+        "k": result.k,
+        "k_sigma": result.k_sigma,
+        "eta_k_correlation": result.correlation,
+        "chi2": result.chi2,
+        "dof": result.dof,
+        "status": status,
+    }
+    nothing = np.full(status.shape, np.nan, dtype=np.float32)
+    return {name: nothing if model == "dielectric" and name in OF_K else values for name, values in found.items()}
+
+
+def pixel_rows(signals: PixelSignals, exterior_ior: float) -> PixelRows:
+    """The rows as the estimators take them."""
+    groups = {group: number for number, group in enumerate(dict.fromkeys(row.gain_group for row in signals.rows))}
+
+    def column(name: str) -> FloatArray:
+        return np.array([getattr(row, name) for row in signals.rows], dtype=np.float64)
+
+    theta, s = (
+        np.stack([np.atleast_1d(getattr(view, name)) for view in signals.views]) for name in ("theta", "s_direction")
+    )
+    return PixelRows(
+        values=signals.value,
+        variance=signals.variance,
+        view=np.array([row.view for row in signals.rows], dtype=np.int64),
+        gain=np.array([groups[row.gain_group] for row in signals.rows], dtype=np.int64),
+        light=column("light"),
+        diattenuation=column("diattenuation"),
+        analyzer=column("analyzer"),
+        retarder=column("retarder"),
+        retardance=column("retardance"),
+        theta=theta.astype(np.float32),
+        cos_2s=np.cos(2 * s).astype(np.float32),
+        sin_2s=np.sin(2 * s).astype(np.float32),
+        exterior_ior=exterior_ior,
+    )
+
+
+class Tiles:
+    """The numbers of all tiles, as bands of rows; of a tile that was lost all is NaN, and the status says so."""
+
+    def __init__(self, tiles: Sequence[Tile], lost: frozenset[Path], columns: int) -> None:
+        self._tiles, self._lost, self._columns = tiles, lost, columns
+
+    def band(self, name: str, channel: int, rows: slice) -> NDArray[Any]:
+        """Some rows of a field of one channel, shape (rows, columns)."""
+        dtype = FIELDS[name].dtype
+        band = np.zeros((rows.stop - rows.start, self._columns), dtype=dtype)
+        for tile in self._tiles:
+            first, last = max(rows.start, tile.row), min(rows.stop, tile.row + tile.cells.rows)
+            if first >= last:
+                continue
+            there = slice(first - rows.start, last - rows.start), slice(tile.column, tile.column + tile.cells.columns)
+            if tile.path in self._lost:
+                band[there] = Status.TILE_LOST if name == "status" else math.nan if dtype == "float32" else 0
+                continue
+            with np.load(tile.path, allow_pickle=False) as file:
+                band[there] = file[name][channel, first - tile.row : last - tile.row]
+        return band
