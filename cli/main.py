@@ -9,7 +9,19 @@ import click
 
 from .options import ErrorHandlingGroup, output_options
 
-VERBS = ("demo", "synth", "ingest", "fit", "plan", "board", "schlick", "render", "materials", "schema")
+VERBS = (
+    "demo",
+    "synth",
+    "ingest",
+    "fit",
+    "plan",
+    "board",
+    "schlick",
+    "render",
+    "batch",
+    "materials",
+    "schema",
+)
 
 
 class LazyGroup(ErrorHandlingGroup):

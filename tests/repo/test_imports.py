@@ -20,10 +20,10 @@ LAYERS = (
     {"physics"},
     {"observations", "examination", "material", "materials", "priors", "result", "errors", "strict_yaml"}
     | {"files", "inputs", "manifests", "measured", "nuisances", "observations_columns", "observations_file"}
-    | {"views", "yaml_edit"},
-    {"measurement", "capture", "inference", "report", "plot", "data_synthetic", "render"},
+    | {"children", "views", "yaml_edit"},
+    {"measurement", "capture", "inference", "report", "plot", "data_synthetic", "render", "scale"},
     {"workflow", "workflow_schlick", "workflow_plan", "workflow_board", "workflow_ingest", "planning"}
-    | {"workflow_render"},
+    | {"workflow_render", "workflow_batch"},
     {"demonstration"},
     {"cli"},
 )
@@ -42,6 +42,8 @@ HOMES = {
     "ruamel": ("reflectance_fit.strict_yaml", "reflectance_fit.yaml_edit"),
     "OpenEXR": "reflectance_fit.render",
     "rawpy": "reflectance_fit.capture.raw",
+    "dask": "reflectance_fit.scale.cluster",
+    "distributed": "reflectance_fit.scale.cluster",
     "colour": "reflectance_fit.render.colour",
     "cv2": (
         "reflectance_fit.capture",
