@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from .options import cluster_options, output_options
+from .options import executor_options, output_options
 
 
 def _ending(ending: str) -> click.ParamType:
@@ -42,7 +42,7 @@ def _ending(ending: str) -> click.ParamType:
     show_default=True,
     help="Side of the squares that are computed at a time; changes memory and time, not numbers.",
 )
-@cluster_options
+@executor_options
 @output_options
 def map_(
     capture: Path,
@@ -52,7 +52,7 @@ def map_(
     tile: int,
     jobs: int | None,
     scheduler: str | None,
-    insecure_cluster: bool,
+    insecure: bool,
 ) -> None:
     """Map eta, and k of a metal, of every pixel of the photographs of CAPTURE.yaml.
 
@@ -71,6 +71,6 @@ def map_(
     from .map_table import print_map
     from .progress import progress
 
-    with executor(jobs, scheduler, insecure=insecure_cluster) as workers, progress() as report:
+    with executor(jobs, scheduler, insecure=insecure) as workers, progress() as report:
         result = map_to_files(capture, out, workers, exr=exr, model=model, tile=tile, progress=report)
     print_map(result)

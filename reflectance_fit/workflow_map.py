@@ -14,12 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.capture.bins import Cells
-from reflectance_fit.capture.decoding import served_by
 from reflectance_fit.capture.frames import Capture
 from reflectance_fit.capture.ingest import Ingested, ingest
-from reflectance_fit.capture.pixel_signals import PixelSource
+from reflectance_fit.capture.pixel_source import pixel_source
 from reflectance_fit.capture.read import read_capture
-from reflectance_fit.capture.unpack import SavedMask, unpack
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.files import check_writable
 from reflectance_fit.map_columns import ATTRIBUTES, SCHEMA
@@ -92,7 +90,7 @@ def map_to_files(
     ingested = ingest(capture, progress=progress)
     models = _models(ingested, model)
     with _work_folder(out) as folder:
-        pixels = _source(ingested, folder, progress)
+        pixels = pixel_source(ingested, folder, progress)
         job = MapJob(pixels, models, capture.priors)
         extent = pixels.extent()
         tiles = list(tiles_of(extent, tile, folder))
@@ -128,20 +126,6 @@ def _models(ingested: Ingested, model: str) -> dict[str, str]:
 
     found = {one.channel: one.optimum.model for one in fit(ingested.measurement, posterior="laplace").fits}
     return {channel: found.get(channel, "dielectric") for channel in channels}
-
-
-def _source(ingested: Ingested, folder: Path, progress: Progress) -> PixelSource:
-    capture = ingested.capture
-    frames = tuple(sample.frame for sample in ingested.samples)
-    needed = {
-        file.path: file
-        for frame in frames
-        for file in served_by(capture, frame, ingested.settings)
-        if file.file not in ingested.rejected
-    }
-    files, hot = unpack(capture, needed.values(), folder, progress)
-    mask = None if ingested.mask is None else SavedMask.of(ingested.mask, folder / "mask.npy")
-    return PixelSource(capture, ingested.settings, frames, files, ingested.shifts, mask, hot)
 
 
 def _compute(

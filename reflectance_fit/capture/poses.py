@@ -148,7 +148,8 @@ def _same_view(one: Corners, other: Corners) -> bool:
         return False
     _, first, second = np.intersect1d(one.ids, other.ids, assume_unique=True, return_indices=True)
     left = other.xy[second] - one.xy[first] - shift
-    return bool(np.sqrt(np.mean(left**2)) < _SAME_VIEW_PX)
+    # The median: one corner that was found in a wrong place must not part two photographs.
+    return bool(np.median(np.hypot(*left.T)) < _SAME_VIEW_PX)
 
 
 def _shift(one: Corners, other: Corners) -> FloatArray | None:
