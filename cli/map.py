@@ -25,7 +25,12 @@ def _ending(ending: str) -> click.ParamType:
 @click.command(name="map")
 @click.argument("capture", metavar="CAPTURE.yaml", type=click.Path(path_type=Path))
 @click.option(
-    "-o", "--out", type=_ending(".nc"), required=True, metavar="MAP.nc", help="Result; a preview goes beside it."
+    "-o",
+    "--out",
+    type=_ending(".nc"),
+    required=True,
+    metavar="MAP.nc",
+    help="Result; a preview goes beside it.",
 )
 @click.option("--exr", type=_ending(".exr"), metavar="FILE", help="The same numbers as OpenEXR.")
 @click.option(
@@ -44,7 +49,7 @@ def _ending(ending: str) -> click.ParamType:
 )
 @executor_options
 @output_options
-def map_(
+def map(
     capture: Path,
     out: Path,
     exr: Path | None,

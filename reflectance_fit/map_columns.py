@@ -24,7 +24,9 @@ FIELDS: Mapping[str, Field] = {
         "1",
         "one standard deviation of eta by the noise of the pixel alone; errors that all pixels share are not in it",
     ),
-    "k": Field("float32", "1", "extinction relative to vacuum; NaN in channels of model dielectric, where it is 0"),
+    "k": Field(
+        "float32", "1", "extinction relative to vacuum; NaN in channels of model dielectric, where it is 0"
+    ),
     "k_sigma": Field("float32", "1", "one standard deviation of k by the noise of the pixel alone"),
     "eta_k_correlation": Field("float32", "1", "correlation of eta and k"),
     "chi2": Field("float32", "1", "squared residuals over variance, summed over the readings of the pixel"),

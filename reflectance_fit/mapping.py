@@ -16,21 +16,24 @@ from reflectance_fit.capture.bins import Cells
 from reflectance_fit.capture.pixel_signals import PixelSignals, PixelSource
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.map_columns import FIELDS, OF_K
-from reflectance_fit.pixels.estimate import PixelResult, estimate
+from reflectance_fit.pixels.estimate import Model, PixelResult, estimate
 from reflectance_fit.pixels.rows import PixelRows
 from reflectance_fit.pixels.status import Status
-from reflectance_fit.priors import Prior
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapJob:
-    """What every tile is computed from; ``models`` maps channel to dielectric or conductor."""
+    """What every tile is computed from.
+
+    ``models`` maps channel to dielectric or conductor; ``expected_eta``, of each channel, decides between two eta
+    that fit a pixel equally.
+    """
 
     source: PixelSource
-    models: Mapping[str, str]
-    priors: Mapping[str, Prior]
+    models: Mapping[str, Model]
+    expected_eta: Mapping[str, float]
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -65,10 +68,7 @@ def tiles_of(extent: Cells, side: int, folder: Path) -> Iterator[Tile]:
 
 def compute_tile(job: MapJob, tile: Tile) -> None:
     """Estimate a tile and write its file, whole or not at all: it may be computed twice, by two workers at once."""
-    parts = [
-        pixels_of(job.source.signals(channel, tile.cells), model, job)
-        for channel, model in job.models.items()
-    ]
+    parts = [pixels_of(job.source.signals(channel, tile.cells), job, channel) for channel in job.models]
     shape = (len(parts), tile.cells.rows, tile.cells.columns)
     fields = {name: np.stack([part[name] for part in parts]).reshape(shape) for name in job.fields}
     # Of another process, or another machine, that computes the same tile.
@@ -80,26 +80,25 @@ def compute_tile(job: MapJob, tile: Tile) -> None:
         unfinished.unlink(missing_ok=True)
 
 
-def pixels_of(signals: PixelSignals, model: str, job: MapJob) -> dict[str, NDArray[Any]]:
+def pixels_of(signals: PixelSignals, job: MapJob, channel: str) -> dict[str, NDArray[Any]]:
     """The fields of one channel of some cells, shape (cells,) each."""
     rows = pixel_rows(signals, job.source.capture.exterior_ior)
-    unknown = np.isnan(signals.variance).all()
-    if unknown:
+    if np.isnan(signals.variance).all():
         message = (
             "how noisy its pixels are is not known, so no sigma can be given; state camera.noise, "
             "or photograph flats and darks in pairs"
         )
         raise ReflectanceFitError(Problem(str(job.source.capture.path), None, message))
     reason = np.where(signals.inside, 0, Status.OUTSIDE).astype(np.uint8)
-    result = estimate(rows, model, reason, job.priors)
+    result = estimate(rows, job.models[channel], reason, expected_eta=job.expected_eta[channel])
     status = result.status.copy()
     few = status == Status.TOO_FEW
     status[few & signals.masked] = Status.MASKED
     status[few & signals.saturated] = Status.SATURATED
-    return _fields(result, model, status)
+    return _fields(result, status)
 
 
-def _fields(result: PixelResult, model: str, status: NDArray[np.uint8]) -> dict[str, NDArray[Any]]:
+def _fields(result: PixelResult, status: NDArray[np.uint8]) -> dict[str, NDArray[Any]]:
     found = {
         "eta": result.eta,
         "eta_sigma": result.eta_sigma,
@@ -111,18 +110,21 @@ def _fields(result: PixelResult, model: str, status: NDArray[np.uint8]) -> dict[
         "status": status,
     }
     nothing = np.full(status.shape, np.nan, dtype=np.float32)
-    return {name: nothing if model == "dielectric" and name in OF_K else values for name, values in found.items()}
+    return {name: nothing if values is None else values for name, values in found.items()}
 
 
 def pixel_rows(signals: PixelSignals, exterior_ior: float) -> PixelRows:
     """The rows as the estimators take them."""
-    groups = {group: number for number, group in enumerate(dict.fromkeys(row.gain_group for row in signals.rows))}
+    groups = {
+        group: number for number, group in enumerate(dict.fromkeys(row.gain_group for row in signals.rows))
+    }
 
     def column(name: str) -> FloatArray:
         return np.array([getattr(row, name) for row in signals.rows], dtype=np.float64)
 
     theta, s = (
-        np.stack([np.atleast_1d(getattr(view, name)) for view in signals.views]) for name in ("theta", "s_direction")
+        np.stack([np.atleast_1d(getattr(view, name)) for view in signals.views])
+        for name in ("theta", "s_direction")
     )
     return PixelRows(
         values=signals.value,
@@ -155,7 +157,10 @@ class Tiles:
             first, last = max(rows.start, tile.row), min(rows.stop, tile.row + tile.cells.rows)
             if first >= last:
                 continue
-            there = slice(first - rows.start, last - rows.start), slice(tile.column, tile.column + tile.cells.columns)
+            there = (
+                slice(first - rows.start, last - rows.start),
+                slice(tile.column, tile.column + tile.cells.columns),
+            )
             if tile.path in self._lost:
                 band[there] = Status.TILE_LOST if name == "status" else math.nan if dtype == "float32" else 0
                 continue

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.capture.bins import Cells
-from reflectance_fit.capture.frames import Capture
 from reflectance_fit.capture.ingest import Ingested, ingest
 from reflectance_fit.capture.pixel_source import pixel_source
 from reflectance_fit.capture.read import read_capture
@@ -23,9 +22,11 @@ from reflectance_fit.files import check_writable
 from reflectance_fit.map_columns import ATTRIBUTES, SCHEMA
 from reflectance_fit.mapping import MapJob, Tile, Tiles, compute_tile, tiles_of
 from reflectance_fit.measured import Note
+from reflectance_fit.pixels.estimate import Model
 from reflectance_fit.pixels.status import Status
 from reflectance_fit.report.map_file import MapHeader, write_map, write_map_exr
 from reflectance_fit.scale.executors import Executor, Task
+from reflectance_fit.workflow import fit
 
 Progress = Callable[[str, int, int], None]
 Compute = Callable[[MapJob, Tile], None]
@@ -88,10 +89,10 @@ def map_to_files(
             check_writable(file.parent)
     capture = read_capture(source)
     ingested = ingest(capture, progress=progress)
-    models = _models(ingested, model)
+    models, expected = _looked_for(ingested, model)
     with _work_folder(out) as folder:
         pixels = pixel_source(ingested, folder, progress)
-        job = MapJob(pixels, models, capture.priors)
+        job = MapJob(pixels, models, expected)
         extent = pixels.extent()
         tiles = list(tiles_of(extent, tile, folder))
         lost = _compute(job, tiles, executor, compute, progress)
@@ -113,19 +114,17 @@ def _work_folder(out: Path) -> Iterator[Path]:
         yield Path(folder).absolute()
 
 
-def _models(ingested: Ingested, model: str) -> dict[str, str]:
-    """By channel; channels without a frame that counts are left out."""
-    channels = [c for c in ingested.capture.channels if any(c in s.frame.channels for s in ingested.samples)]
+def _looked_for(ingested: Ingested, model: str) -> tuple[dict[str, Model], dict[str, float]]:
+    """By channel the model and the eta of all pixels together; channels without a frame that counts are left out."""
     for name, prior in ingested.capture.priors.items():
         if prior.kind == "fixed" and (name, prior.low) != ("k", 0.0):
             message = f"priors fix {name} at {prior.low:g}, which a map does not take; leave it out"
             raise ReflectanceFitError(Problem(str(ingested.capture.path), None, message))
-    if model != "auto":
-        return dict.fromkeys(channels, model)
-    from reflectance_fit.workflow import fit
-
-    found = {one.channel: one.optimum.model for one in fit(ingested.measurement, posterior="laplace").fits}
-    return {channel: found.get(channel, "dielectric") for channel in channels}
+    fits = fit(ingested.measurement, model=model, posterior="laplace").fits
+    models: dict[str, Model] = {
+        one.channel: "dielectric" if one.optimum.model == "dielectric" else "conductor" for one in fits
+    }
+    return models, {one.channel: one.optimum.eta for one in fits}
 
 
 def _compute(
@@ -146,7 +145,9 @@ def _compute(
 def _lost_note(lost: dict[Path, str], tiles: list[Tile]) -> Iterator[Note]:
     if lost:
         reasons = "; ".join(sorted(set(lost.values())))
-        yield Note("TILES_LOST", f"{len(lost)} of {len(tiles)} tiles could not be computed and are masked: {reasons}")
+        yield Note(
+            "TILES_LOST", f"{len(lost)} of {len(tiles)} tiles could not be computed and are masked: {reasons}"
+        )
 
 
 def _header(ingested: Ingested, job: MapJob, extent: Cells, notes: list[Note]) -> MapHeader:
@@ -176,7 +177,13 @@ def _header(ingested: Ingested, job: MapJob, extent: Cells, notes: list[Note]) -
 
 
 def _summary(
-    header: MapHeader, job: MapJob, extent: Cells, tiles: Tiles, notes: list[Note], out: Path, exr: Path | None
+    header: MapHeader,
+    job: MapJob,
+    extent: Cells,
+    tiles: Tiles,
+    notes: list[Note],
+    out: Path,
+    exr: Path | None,
 ) -> MapResult:
     """Counts of all pixels, and a sample of them."""
     step = max(1, -(-max(extent.rows, extent.columns) // SAMPLE))

@@ -171,7 +171,7 @@ class PixelSource:
         if not isinstance(geometry, OnBoard) or self._view(frame) == self._view(self.frames[0]):
             return None
         first, other = (np.array(geometry.poses[f.path].board) for f in (self.frames[0], frame))
-        return partial(carried, geometry.camera, first, other)
+        return partial(carried, geometry.camera, first, other, geometry.height_mm)
 
     def _positions(self, frame: Frame, channel: str, cells: Cells) -> tuple[FloatArray, FloatArray]:
         raw = self.files[frame.path].frame

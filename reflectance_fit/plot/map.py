@@ -105,5 +105,9 @@ def _status(ax: Axes, shown: Shown, extent: tuple[float, float, float, float]) -
     panels.frame(ax, "status")
     ranked = sorted(shown.shares, key=lambda name: -shown.shares[name])
     panels.legend(
-        ax, [(f"{name.replace('_', ' ')} {100 * shown.shares[name]:.2g} %", _COLOURS[name]) for name in ranked[:5]]
+        ax,
+        [
+            (f"{name.replace('_', ' ')} {100 * shown.shares[name]:.2g} %", _COLOURS[name])
+            for name in ranked[:5]
+        ],
     )
