@@ -1,7 +1,7 @@
 """eta, and k where it is free, of every pixel by Gauss-Newton, compiled: many pixels a step.
 
-A grid of the whole prior gives each pixel its best point in each of a few zones, a damped Gauss-Newton descent in
-(eta, k^2) takes every one to its minimum, and the lowest is the maximum of the likelihood with the gains at their
+A grid over the whole prior has a few local minima, a damped Gauss-Newton descent in (eta, k^2) takes the lowest
+of them to theirs, and the lowest is the maximum of the likelihood with the gains at their
 best.  A lane that has arrived is left alone, and no sum runs over lanes: a pixel's bits do not depend on its
 neighbours in a block, on tiles or on threads.
 """
@@ -36,7 +36,16 @@ from reflectance_fit.pixels.sums import (
     evaluate,
     objective,
 )
-from reflectance_fit.pixels.verdict import FLOOR, MINIMUM, ONE_SIDED, chosen, deviations, status_of
+from reflectance_fit.pixels.verdict import (
+    FLOOR,
+    MINIMUM,
+    ONE_SIDED,
+    STARTS,
+    chosen,
+    deviations,
+    reaches_zero,
+    status_of,
+)
 
 _UPPER_LIMIT, _TOO_FEW, _NO_LIGHT = int(Status.UPPER_LIMIT), int(Status.TOO_FEW), int(Status.NO_LIGHT)
 
@@ -66,8 +75,8 @@ def descend(
     cos_2s: Float32Array,
     sin_2s: Float32Array,
     reason: NDArray[np.uint8],
-    starts: FloatArray,
-    zones: int,
+    etas: FloatArray,
+    ks: FloatArray,
     bounds: FloatArray,
     expected: float,
     free_k: bool,
@@ -78,8 +87,9 @@ def descend(
     """Fill ``found`` (3 or 6, n): eta, sigma, chi2 and, with k free, k, sigma and correlation; ``dof`` and ``status``.
 
     ``values``, ``variance`` are (m, n), ``responses`` (m, 4, 3).  Frame j belongs to cell ``frame_cell[j]``, which
-    has a view and a gain; gain number ``gains`` is that of reflectances.  ``starts`` are (eta, k, zone) of the grid,
-    ``bounds`` (eta low, eta high, k high); these and ``expected`` are relative to the outside, as is what is filled.
+    has a view and a gain; gain number ``gains`` is that of reflectances.  ``etas`` and ``ks`` span the
+    grid, ``bounds`` are (eta low, eta high, k high); these and ``expected`` are relative to the outside, as is what is
+    filled.
     """
     m, n = values.shape
     views = len(theta)
@@ -120,24 +130,28 @@ def descend(
             active[i] = reason[first + i] == 0 and free[i] >= 0
         jet, of_gains = np.empty(JET * B), np.empty((gains + 1) * GAIN * B)
         here, state, chi2 = np.empty(FOUND * B), np.empty(_STATE * B), np.empty(B)
-        best = np.full((zones, 3, B), math.inf)
-        for p in range(len(starts)):
-            eta, k, zone = starts[p, 0], starts[p, 1], int(starts[p, 2])
-            objective(cells, cell_view, cell_gain, gains, angles, total, eta, k, jet, of_gains, chi2)
+        any_active = False
+        for i in range(count):
+            any_active = any_active or active[i]
+        grid = np.full(len(etas) * len(ks) * B, math.inf)
+        for p in range(len(etas) * len(ks) if any_active else 0):
+            eta, k = etas[p // len(ks)], ks[p % len(ks)]
+            line = grid[p * B : (p + 1) * B]
+            objective(cells, cell_view, cell_gain, gains, angles, total, eta, k, jet, of_gains, line)
+        best = np.full(3 * STARTS * B, math.inf)
+        _lowest(grid, etas, ks, best)
+        minima = np.empty(STARTS * MINIMUM * B)
+        starting = np.zeros(B, dtype=np.bool_)
+        for z in range(STARTS):
+            lines = z * 3 * B
             for i in range(B):
-                better = chi2[i] < best[zone, 0, i] or best[zone, 1, i] == math.inf
-                best[zone, 0, i] = chi2[i] if better else best[zone, 0, i]
-                best[zone, 1, i] = eta if better else best[zone, 1, i]
-                best[zone, 2, i] = k if better else best[zone, 2, i]
-        minima = np.empty(zones * MINIMUM * B)
-        for zone in range(zones):
-            for i in range(B):
-                state[_ETA + i] = best[zone, 1, i]
-                state[_SQUARE + i] = max(best[zone, 2, i] ** 2, FLOOR)
+                starting[i] = active[i] and best[lines + i] < math.inf
+                state[_ETA + i] = best[lines + B + i] if starting[i] else 1.0
+                state[_SQUARE + i] = max(best[lines + 2 * B + i] ** 2, FLOOR) if starting[i] else FLOOR
             rested = _descend(
-                cells, cell_view, cell_gain, gains, angles, total, active, bounds, free_k, jet, of_gains, here, state
+                cells, cell_view, cell_gain, gains, angles, total, starting, bounds, free_k, jet, of_gains, here, state
             )
-            at = zone * MINIMUM * B
+            at = z * MINIMUM * B
             for i in range(B):
                 minima[at + i], minima[at + B + i] = state[_ETA + i], state[_SQUARE + i]
                 minima[at + 2 * B + i] = max(here[CHI2 + i], 0.0)
@@ -145,9 +159,13 @@ def descend(
                 minima[at + 5 * B + i], minima[at + 6 * B + i] = here[CURVE_22 + i], rested[i]
         which = np.zeros(B, dtype=np.int64)
         for i in range(count):
-            which[i] = chosen(minima, zones, i, free_k, expected) if active[i] else 0
+            which[i] = chosen(minima, i, free_k, expected) if active[i] else 0
         limit = np.zeros(B)
-        if free_k:
+        bounded = False
+        for i in range(count if free_k else 0):
+            _, of_square, _ = deviations(minima, which[i], i, free_k)
+            bounded = bounded or (active[i] and reaches_zero(minima[(which[i] * MINIMUM + 1) * B + i], of_square))
+        if bounded:
             _limits(
                 cells, cell_view, cell_gain, gains, angles, total, minima, which, bounds, jet, of_gains, here, limit
             )
@@ -161,7 +179,7 @@ def descend(
                 status[at] = reason[at] if reason[at] > 0 else missing
                 continue
             of_eta, of_square, correlation = deviations(minima, z, i, free_k)
-            code = status_of(minima, zones, z, i, free_k, bounds, (of_eta, of_square), limit[i])
+            code = status_of(minima, z, i, free_k, bounds, (of_eta, of_square), limit[i])
             found[0, at], found[1, at] = np.float32(minima[lines]), np.float32(of_eta)
             found[2, at] = np.float32(minima[lines + 2 * B])
             dof[at], status[at] = np.uint16(free[i]), code
@@ -169,9 +187,41 @@ def descend(
                 k = math.sqrt(minima[lines + B]) if minima[lines + B] > FLOOR else 0.0
                 found[3, at] = np.float32(k)
                 found[4, at] = np.float32(
-                    (limit[i] - k) / ONE_SIDED if code == _UPPER_LIMIT or k == 0 else of_square / (2 * k)
+                    (limit[i] - k) / ONE_SIDED if reaches_zero(k * k, of_square) else of_square / (2 * k)
                 )
                 found[5, at] = np.float32(correlation)
+
+
+@inlined
+def _lowest(grid: FloatArray, etas: FloatArray, ks: FloatArray, best: FloatArray) -> None:
+    """Each lane's lowest local minima of chi2 over the grid, lowest first: lines of chi2, eta and k for each start."""
+    rows, columns = len(etas), len(ks)
+    least = np.empty(B)
+    for a in range(rows):
+        for b in range(columns):
+            at = (a * columns + b) * B
+            least[:] = math.inf
+            for c in range(max(a - 1, 0), min(a + 2, rows)):
+                for d in range(max(b - 1, 0), min(b + 2, columns)):
+                    near = (c * columns + d) * B
+                    for i in range(B):
+                        value = grid[near + i]
+                        least[i] = min(least[i], value) if near != at else least[i]
+            for i in range(B):
+                value = grid[at + i] if grid[at + i] <= least[i] else math.inf
+                eta, k = etas[a], ks[b]
+                for z in range(STARTS):
+                    line = z * 3 * B + i
+                    lower = value < best[line]
+                    value, best[line] = (best[line] if lower else value), (value if lower else best[line])
+                    eta, best[line + B] = (
+                        (best[line + B] if lower else eta),
+                        (eta if lower else best[line + B]),
+                    )
+                    k, best[line + 2 * B] = (
+                        (best[line + 2 * B] if lower else k),
+                        (k if lower else best[line + 2 * B]),
+                    )
 
 
 @inlined

@@ -19,9 +19,8 @@ Model = Literal["dielectric", "conductor"]
 # Decides between two eta above 1 that fit equally: glasses and plastics are near it.
 EXPECTED_ETA = 1.5
 
-# Of the grid: eta over the prior; k; and the eta and k at which its zones meet.
-_ETA_STEPS, _K = 24, (0.0, 0.05, 0.3, 0.8, 1.6, 3.0, 5.5, 10.0)
-_ETA_ZONES, _K_ZONE = (1.0, 1.6, 3.0), 1.0
+# Of the grid: steps of eta over the prior, for a dielectric and a conductor; k.
+_ETA_STEPS, _K = (24, 10), (0.0, 0.15, 0.6, 1.5, 3.2, 7.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -159,7 +158,6 @@ def _descended(
     n, around = rows.values.shape[1], rows.exterior_ior
     found = np.empty((6 if free_k else 3, n), dtype=np.float32)
     dof, status = np.empty(n, dtype=np.uint16), np.empty(n, dtype=np.uint8)
-    starts = _starts(around, free_k)
     descend(
         rows.values,
         rows.variance,
@@ -172,8 +170,8 @@ def _descended(
         rows.cos_2s,
         rows.sin_2s,
         reason,
-        starts,
-        len(np.unique(starts[:, 2])),
+        np.geomspace(*ETA_PRIOR, _ETA_STEPS[free_k]) / around,
+        np.array(_K if free_k else _K[:1]),
         np.array([*ETA_PRIOR, K_PRIOR[1]]) / around,
         expected,
         free_k,
@@ -185,12 +183,3 @@ def _descended(
         found[[0, 1, 3, 4] if free_k else [0, 1]] *= np.float32(around)
     k, k_sigma, correlation = found[3:] if free_k else (None, None, None)
     return PixelResult(found[0], found[1], k, k_sigma, correlation, found[2], dof, status)
-
-
-def _starts(around: float, free_k: bool) -> FloatArray:
-    """(eta, k, zone) of a grid over the priors, relative to the outside."""
-    etas = np.geomspace(*ETA_PRIOR, _ETA_STEPS if not free_k else _ETA_STEPS // 2) / around
-    if not free_k:
-        return np.stack([etas, np.zeros(len(etas)), np.searchsorted(_ETA_ZONES, etas)], axis=1)
-    eta, k = (x.ravel() for x in np.meshgrid(etas, _K))
-    return np.stack([eta, k, (eta >= _ETA_ZONES[0]) + 2.0 * (k >= _K_ZONE)], axis=1)

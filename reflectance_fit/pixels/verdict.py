@@ -17,6 +17,8 @@ from reflectance_fit.pixels.sums import B
 
 # Lines of a minimum: eta, k^2, chi2, half the curvature (11, 12, 22), and 1 where the descent came to rest.
 MINIMUM = 7
+# Descents of a pixel, and so minima at most.
+STARTS = 3
 # k^2 that stands for k = 0, where derivatives by it need a k to divide by; k itself is then 1e-7.
 FLOOR = 1e-14
 # Of normal laws: 95 % to both sides, and to one.
@@ -34,21 +36,21 @@ _NOT_CONVERGED = int(Status.NOT_CONVERGED)
 
 
 @inlined
-def chosen(minima: FloatArray, zones: int, i: int, free_k: bool, expected: float) -> int:
+def chosen(minima: FloatArray, i: int, free_k: bool, expected: float) -> int:
     """Which of lane i's minima is the answer: the lowest.
 
     Where k is 0, one above the outside's index goes before those below it that fit no better than noise would
     have it.  Equal ones: the eta nearest to ``expected``.
     """
     lowest = math.inf
-    for z in range(zones):
+    for z in range(STARTS):
         lowest = min(lowest, minima[(z * MINIMUM + 2) * B + i])
     dense = False
-    for z in range(zones):
+    for z in range(STARTS):
         at = z * MINIMUM * B + i
         dense = dense or (minima[at] >= 1 and minima[at + 2 * B] <= lowest + _RIVAL)
     which, best, distance = 0, math.inf, math.inf
-    for z in range(zones):
+    for z in range(STARTS):
         at = z * MINIMUM * B + i
         eta, chi2 = minima[at], minima[at + 2 * B]
         aside = not free_k and dense and eta < 1
@@ -75,9 +77,14 @@ def deviations(
 
 
 @inlined
+def reaches_zero(square: float, deviation: float) -> bool:
+    """Whether the interval of k has its lower end under a tenth of k; in k^2, as sigma of k has no bound near 0."""
+    return square - _TWO_SIDED * deviation < 0.01 * square or square <= FLOOR
+
+
+@inlined
 def status_of(
     minima: FloatArray,
-    zones: int,
     z: int,
     i: int,
     free_k: bool,
@@ -89,7 +96,7 @@ def status_of(
     at = z * MINIMUM * B + i
     eta, square, chi2 = minima[at], minima[at + B], minima[at + 2 * B]
     rival = False
-    for other in range(zones):
+    for other in range(STARTS):
         o = other * MINIMUM * B + i
         aside = not free_k and eta >= 1 and minima[o] < 1
         far = abs(minima[o] - eta) > max(_APART * deviation[0], _SAME * eta)
@@ -99,8 +106,7 @@ def status_of(
     code = _IDENTIFIED
     wide = not (deviation[0] <= WIDE * eta) or eta <= bounds[0] or eta >= bounds[1]
     if free_k:
-        # In k^2, as sigma of k itself has no bound near 0: the interval's lower end under a tenth of k.
-        bounded = square - _TWO_SIDED * deviation[1] < 0.01 * square or square <= FLOOR
+        bounded = reaches_zero(square, deviation[1])
         code = _UPPER_LIMIT if bounded else code
         quarter = 0.25 * bounds[2]
         wide = wide or (limit > quarter if bounded else 2 * deviation[1] / math.sqrt(square) > quarter)
