@@ -10,7 +10,7 @@ hence eta^2 = sin^2(theta_i) (1 + u^2 tan^2(theta_i)), and u turns into 1 / u fr
 unknowns and as many numbers: this is the maximum of the likelihood with the gain at its best.
 
 Both sides fit equally.  A sample is taken for denser than what is around it where one of them is; where both are,
-the pixel is ambiguous and has the one nearer to the eta that was expected.
+or neither, the pixel is ambiguous and has the one nearer to the eta that was expected.
 
 Nothing but sums, products, divisions and square roots of one pixel at a time, each rounded as IEEE 754 has it, none
 regrouped: a pixel's bits do not depend on its neighbours in a block, on tiles or on threads.
@@ -181,8 +181,8 @@ def _solve(
         least = above - 2 * slope
         # The higher branch leaves the prior, and by more than the noise.
         excluded = beyond and least > 0 and least * least * sin2 * tan2 > largest * largest - sin2
-        # The lower branch, too, is denser than the outside: sin^2 (1 + tan^2 / u^2) > 1.
-        both = above < tan2
+        # Both above the outside's index, or neither: sin^2 (1 + tan^2 / u^2) > 1, sin^2 (1 + tan^2 u^2) < 1.
+        both = above < tan2 or above * tan2 < 1
         lower = 1 / above
         # Nearer in the logarithm: expected^2 is below the product of both.
         product = sin2 * (1 + tan2 * above * above) * sin2 * (1 + tan2 * lower * lower)
@@ -193,10 +193,11 @@ def _solve(
         deviation = sin2 * tan2 * u * slope / found
         clipped = beyond and not low
         found = largest if clipped else found
-        wide = clipped or not (deviation <= WIDE * found)
+        # Below the lower branch all is total reflection, r = 1.
+        wide = clipped or (low and r + 2 * spread > 1) or not (deviation <= WIDE * found)
         parallel = not (det > _PARALLEL * a11 * a22)
         dark = not (x > 0 and x * x >= _LIGHT * det * a22)
-        code = _AMBIGUOUS if both and not beyond else _IDENTIFIED
+        code = _AMBIGUOUS if both and not excluded else _IDENTIFIED
         code = _NEAR_BREWSTER if near else code
         code = _NOT_IDENTIFIED if wide else code
         code = _NO_LIGHT if dark else code

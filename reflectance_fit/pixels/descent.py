@@ -51,8 +51,8 @@ _UPPER_LIMIT, _TOO_FEW, _NO_LIGHT = int(Status.UPPER_LIMIT), int(Status.TOO_FEW)
 
 _STEPS = 60
 _DAMPING, _MOST_DAMPING = 1e-3, 1e12
-# A step that promises no more of chi2 than this has arrived, as a share of sum w y^2, whose rounding chi2 has.
-_REST, _ROUNDING = 1e-12, 1e-14
+# As shares of sum w y^2: a step that promises no more of chi2 has arrived; the rounding of chi2.
+_REST, _ROUNDING = 1e-15, 1e-14
 # Light must lower chi2 by as much.
 _LIGHT = 9.0
 _LIMIT_ROUNDS = 8  # of a fixed point whose logarithm's error halves each time
@@ -147,7 +147,7 @@ def descend(
             for i in range(B):
                 starting[i] = active[i] and best[lines + i] < math.inf
                 state[_ETA + i] = best[lines + B + i] if starting[i] else 1.0
-                state[_SQUARE + i] = max(best[lines + 2 * B + i] ** 2, FLOOR) if starting[i] else FLOOR
+                state[_SQUARE + i] = max(best[lines + 2 * B + i] ** 2, FLOOR) if free_k and starting[i] else 0.0
             rested = _descend(
                 cells, cell_view, cell_gain, gains, angles, total, starting, bounds, free_k, jet, of_gains, here, state
             )
@@ -302,8 +302,7 @@ def _descend(
         )
         any_moving = 0.0
         for i in range(B):
-            close = _REST + _ROUNDING * total[i]
-            better = there[CHI2 + i] < here[CHI2 + i] + close
+            better = there[CHI2 + i] < here[CHI2 + i] + _ROUNDING * total[i]
             take = moving[i] > 0 and (better or here[CHI2 + i] == math.inf)
             for line in range(FOUND):
                 here[line * B + i] = there[line * B + i] if take else here[line * B + i]
@@ -312,7 +311,7 @@ def _descend(
             damp = state[_DAMP + i]
             damp = max(0.1 * damp, 1e-15) if take else 10.0 * damp
             state[_DAMP + i] = damp
-            arrived = moving[i] > 0 and state[_PROMISE + i] < close
+            arrived = moving[i] > 0 and state[_PROMISE + i] <= _REST * total[i]
             rested[i] = 1.0 if arrived else rested[i]
             stay = arrived or damp > _MOST_DAMPING or not (here[CHI2 + i] < math.inf)
             moving[i] = 0.0 if stay else moving[i]

@@ -24,6 +24,8 @@ IntArray = NDArray[np.int64]
 
 B = 64  # lanes of a block; constant, so that the compiler knows that lines of a buffer do not meet
 
+_LEAST_K = 1e-10  # to divide by where k = 0
+
 # Lines of a cell: the upper triangle of A by rows, then b.
 CELL = 14
 # Lines of a gain: q A q, b q; those with the derivatives f of q by eta and h by k^2: f A q, h A q, f A f, f A h, h A h,
@@ -158,7 +160,7 @@ def evaluate(
             angle = angles[cell_view[a] * VIEW * B :]
             for i in range(B):
                 q, _, f, h = interface_gradients(angle[i], angle[B + i], eta[i], k[i])
-                scale = 0.5 / k[i]
+                scale = 0.5 / max(k[i], _LEAST_K)
                 jet[i], jet[B + i], jet[2 * B + i], jet[3 * B + i] = q
                 jet[4 * B + i], jet[5 * B + i], jet[6 * B + i], jet[7 * B + i] = f
                 jet[8 * B + i], jet[9 * B + i] = scale * h[0], scale * h[1]

@@ -19,8 +19,8 @@ from reflectance_fit.pixels.sums import B
 MINIMUM = 7
 # Descents of a pixel, and so minima at most.
 STARTS = 3
-# k^2 that stands for k = 0, where derivatives by it need a k to divide by; k itself is then 1e-7.
-FLOOR = 1e-14
+# k^2 that stands for k = 0 where k is free, as derivatives by k^2 need a k to divide by: one that changes nothing.
+FLOOR = 1e-20
 # Of normal laws: 95 % to both sides, and to one.
 _TWO_SIDED, ONE_SIDED = 1.96, 1.645
 # chi2 by which a minimum may be above the lowest and still be the truth; minima that differ by less are equal.
