@@ -9,7 +9,7 @@ import click
 from .options import executor_options, output_options
 
 
-def _ending(ending: str) -> click.ParamType:
+def _ending(ending: str) -> click.Path:
     class Ending(click.Path):
         name = f"*{ending}"
 

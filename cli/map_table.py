@@ -23,7 +23,17 @@ def print_map(result: MapResult) -> None:
     if is_quiet():
         return
     table = table_of(result.sample_name)
-    for heading in ("channel", "model", "pixels", "eta", "over pixels", "sigma", "k", "chi2/dof"):
+    for heading in (
+        "channel",
+        "model",
+        "pixels",
+        "eta",
+        "over pixels",
+        "pixel sigma",
+        "k",
+        "chi2/dof",
+        "all together",
+    ):
         table.add_column(heading, no_wrap=True)
     for channel in result.channels:
         table.add_row(*map(Text, _cells(channel)))
@@ -32,7 +42,7 @@ def print_map(result: MapResult) -> None:
     for channel in result.channels:
         click.echo(f"{printable(channel.channel)}: {_verdicts(channel)}")
     if result.step > 1:
-        click.echo(f"eta, k, sigma and chi2 are medians over every {result.step}th row and column")
+        click.echo(f"eta, k and sigma are medians over one of {result.step} x {result.step} pixels")
     for file in result.files:
         click.echo(f"wrote {file}")
 
@@ -44,16 +54,17 @@ def _cells(channel: ChannelSummary) -> list[str]:
     eta = fields["eta"][np.isfinite(fields["eta"])]
     low, middle, high = np.percentile(eta, (16, 50, 84)) if eta.size else (np.nan,) * 3
     dof = np.where(np.isfinite(fields["eta"]), fields["dof"].astype(float), 0.0)
-    reduced = fields["chi2"][dof > 0] / dof[dof > 0]
+    together = channel.together
     return [
         channel.channel,
-        channel.model,
+        together.model,
         f"{known} of {total}",
         f"{middle:.4f}",
         f"{low:.4f} to {high:.4f}",
         f"{_median(fields['eta_sigma']):.2g}",
-        f"{_median(fields['k']):.4f}" if "k" in fields and channel.model == "conductor" else "0",
-        f"{np.median(reduced):.2f}" if reduced.size else "-",
+        f"{_median(fields['k']):.4f}" if "k" in fields and together.model == "conductor" else "0",
+        f"{fields['chi2'][dof > 0].sum() / dof.sum():.2f}" if dof.any() else "-",
+        f"{together.eta:.4f} +- {together.eta_sigma:.2g}",
     ]
 
 

@@ -43,6 +43,14 @@ COORDINATES: Mapping[str, tuple[str, str, str]] = {
     "y": ("float64", "1", "row of the sensor at the middle of the cell, from 0 at the top"),
     "x": ("float64", "1", "column of the sensor at the middle of the cell, from 0 at the left"),
 }
+FITS: Mapping[str, str] = {
+    "fit_eta": "eta of a fit of all pixels together, whose nuisances correct every pixel",
+    "fit_eta_sigma": "one standard deviation of fit_eta: it has the errors that all pixels share",
+    "fit_k": "k of that fit; 0 where the model is dielectric",
+    "fit_k_sigma": "one standard deviation of fit_k",
+}
+"""A number for every channel."""
+
 ATTRIBUTES: Mapping[str, str] = {
     "Conventions": "CF-1.11",
     "schema": SCHEMA,
@@ -70,6 +78,9 @@ def map_schema() -> dict[str, Any]:
         "variables": {
             name: {"type": kind, "unit": unit, "description": text}
             for name, (kind, unit, text) in FIELDS.items()
+        },
+        "by_channel": {
+            name: {"type": "float64", "unit": "1", "description": text} for name, text in FITS.items()
         },
         "attributes": dict(ATTRIBUTES),
     }

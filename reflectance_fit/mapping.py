@@ -13,32 +13,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.capture.bins import Cells
+from reflectance_fit.capture.frames import Capture
 from reflectance_fit.capture.pixel_signals import PixelSignals, PixelSource
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.map_columns import FIELDS, OF_K
-from reflectance_fit.pixels.estimate import Model, PixelResult, estimate
-from reflectance_fit.pixels.rows import PixelRows
+from reflectance_fit.map_rows import Together, pixel_rows
+from reflectance_fit.pixels.estimate import PixelResult, estimate
 from reflectance_fit.pixels.status import Status
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapJob:
     """What every tile is computed from.
 
-    ``models`` maps channel to dielectric or conductor; ``expected_eta``, of each channel, decides between two eta
-    that fit a pixel equally.
+    ``channels`` maps each to what all of its pixels together tell.
     """
 
     source: PixelSource
-    models: Mapping[str, Model]
-    expected_eta: Mapping[str, float]
+    channels: Mapping[str, Together]
 
     @property
     def fields(self) -> tuple[str, ...]:
         """The fields that the map has."""
-        has_k = "conductor" in self.models.values()
+        has_k = any(channel.model == "conductor" for channel in self.channels.values())
         return tuple(name for name in FIELDS if has_k or name not in OF_K)
 
 
@@ -68,29 +65,32 @@ def tiles_of(extent: Cells, side: int, folder: Path) -> Iterator[Tile]:
 
 def compute_tile(job: MapJob, tile: Tile) -> None:
     """Estimate a tile and write its file, whole or not at all: it may be computed twice, by two workers at once."""
-    parts = [pixels_of(job.source.signals(channel, tile.cells), job, channel) for channel in job.models]
+    parts = [
+        pixels_of(job.source.signals(channel, tile.cells), together, job.source.capture)
+        for channel, together in job.channels.items()
+    ]
     shape = (len(parts), tile.cells.rows, tile.cells.columns)
     fields = {name: np.stack([part[name] for part in parts]).reshape(shape) for name in job.fields}
     # Of another process, or another machine, that computes the same tile.
     unfinished = tile.path.with_name(f".{tile.path.stem}.{os.urandom(8).hex()}.npz")
     try:
-        np.savez(unfinished, **fields)
+        np.savez(unfinished, allow_pickle=False, **fields)
         unfinished.replace(tile.path)
     finally:
         unfinished.unlink(missing_ok=True)
 
 
-def pixels_of(signals: PixelSignals, job: MapJob, channel: str) -> dict[str, NDArray[Any]]:
+def pixels_of(signals: PixelSignals, together: Together, capture: Capture) -> dict[str, NDArray[Any]]:
     """The fields of one channel of some cells, shape (cells,) each."""
-    rows = pixel_rows(signals, job.source.capture.exterior_ior)
     if np.isnan(signals.variance).all():
         message = (
             "how noisy its pixels are is not known, so no sigma can be given; state camera.noise, "
             "or photograph flats and darks in pairs"
         )
-        raise ReflectanceFitError(Problem(str(job.source.capture.path), None, message))
+        raise ReflectanceFitError(Problem(str(capture.path), None, message))
+    rows = pixel_rows(signals, together, capture.exterior_ior)
     reason = np.where(signals.inside, 0, Status.OUTSIDE).astype(np.uint8)
-    result = estimate(rows, job.models[channel], reason, expected_eta=job.expected_eta[channel])
+    result = estimate(rows, together.model, reason, expected_eta=together.eta)
     status = result.status.copy()
     few = status == Status.TOO_FEW
     status[few & signals.masked] = Status.MASKED
@@ -111,36 +111,6 @@ def _fields(result: PixelResult, status: NDArray[np.uint8]) -> dict[str, NDArray
     }
     nothing = np.full(status.shape, np.nan, dtype=np.float32)
     return {name: nothing if values is None else values for name, values in found.items()}
-
-
-def pixel_rows(signals: PixelSignals, exterior_ior: float) -> PixelRows:
-    """The rows as the estimators take them."""
-    groups = {
-        group: number for number, group in enumerate(dict.fromkeys(row.gain_group for row in signals.rows))
-    }
-
-    def column(name: str) -> FloatArray:
-        return np.array([getattr(row, name) for row in signals.rows], dtype=np.float64)
-
-    theta, s = (
-        np.stack([np.atleast_1d(getattr(view, name)) for view in signals.views])
-        for name in ("theta", "s_direction")
-    )
-    return PixelRows(
-        values=signals.value,
-        variance=signals.variance,
-        view=np.array([row.view for row in signals.rows], dtype=np.int64),
-        gain=np.array([groups[row.gain_group] for row in signals.rows], dtype=np.int64),
-        light=column("light"),
-        diattenuation=column("diattenuation"),
-        analyzer=column("analyzer"),
-        retarder=column("retarder"),
-        retardance=column("retardance"),
-        theta=theta.astype(np.float32),
-        cos_2s=np.cos(2 * s).astype(np.float32),
-        sin_2s=np.sin(2 * s).astype(np.float32),
-        exterior_ior=exterior_ior,
-    )
 
 
 class Tiles:

@@ -20,9 +20,9 @@ from reflectance_fit.capture.read import read_capture
 from reflectance_fit.errors import Problem, ReflectanceFitError
 from reflectance_fit.files import check_writable
 from reflectance_fit.map_columns import ATTRIBUTES, SCHEMA
+from reflectance_fit.map_rows import Together
 from reflectance_fit.mapping import MapJob, Tile, Tiles, compute_tile, tiles_of
 from reflectance_fit.measured import Note
-from reflectance_fit.pixels.estimate import Model
 from reflectance_fit.pixels.status import Status
 from reflectance_fit.report.map_file import MapHeader, write_map, write_map_exr
 from reflectance_fit.scale.executors import Executor, Task
@@ -41,13 +41,13 @@ SAMPLE = 500
 class ChannelSummary:
     """One channel of a map.
 
-    ``counts`` are pixels by status; ``sample`` every ``step``-th row and
-    column of the fields.
+    ``together`` is what all pixels tell together; ``counts`` are pixels by
+    status, ``sample`` is every ``step``-th row and column of the fields.
     """
 
     channel: str
     wavelength_nm: float
-    model: str
+    together: Together
     counts: dict[Status, int]
     sample: dict[str, NDArray[Any]]
 
@@ -89,10 +89,10 @@ def map_to_files(
             check_writable(file.parent)
     capture = read_capture(source)
     ingested = ingest(capture, progress=progress)
-    models, expected = _looked_for(ingested, model)
+    together = _together(ingested, model)
     with _work_folder(out) as folder:
         pixels = pixel_source(ingested, folder, progress)
-        job = MapJob(pixels, models, expected)
+        job = MapJob(pixels, together)
         extent = pixels.extent()
         tiles = list(tiles_of(extent, tile, folder))
         lost = _compute(job, tiles, executor, compute, progress)
@@ -114,17 +114,14 @@ def _work_folder(out: Path) -> Iterator[Path]:
         yield Path(folder).absolute()
 
 
-def _looked_for(ingested: Ingested, model: str) -> tuple[dict[str, Model], dict[str, float]]:
-    """By channel the model and the eta of all pixels together; channels without a frame that counts are left out."""
+def _together(ingested: Ingested, model: str) -> dict[str, Together]:
+    """By channel what all pixels tell together; channels without a frame that counts are left out."""
     for name, prior in ingested.capture.priors.items():
         if prior.kind == "fixed" and (name, prior.low) != ("k", 0.0):
             message = f"priors fix {name} at {prior.low:g}, which a map does not take; leave it out"
             raise ReflectanceFitError(Problem(str(ingested.capture.path), None, message))
     fits = fit(ingested.measurement, model=model, posterior="laplace").fits
-    models: dict[str, Model] = {
-        one.channel: "dielectric" if one.optimum.model == "dielectric" else "conductor" for one in fits
-    }
-    return models, {one.channel: one.optimum.eta for one in fits}
+    return {one.channel: Together.of(one) for one in fits}
 
 
 def _compute(
@@ -159,7 +156,7 @@ def _header(ingested: Ingested, job: MapJob, extent: Cells, notes: list[Note]) -
         "title": f"refractive index of {capture.sample_name}, pixel by pixel",
         "sample": capture.sample_name,
         "exterior_ior": capture.exterior_ior,
-        "models": dict(job.models),
+        "models": {channel: together.model for channel, together in job.channels.items()},
         "warnings": [note._asdict() for note in notes],
         "inputs": [{"file": file, "sha256": sha256} for file, sha256 in ingested.measurement.inputs],
         "version": version("reflectance_fit"),
@@ -167,9 +164,13 @@ def _header(ingested: Ingested, job: MapJob, extent: Cells, notes: list[Note]) -
     if capture.sample_note is not None:
         attributes["note"] = capture.sample_note
     return MapHeader(
-        channels={channel: capture.channels[channel].wavelength_nm for channel in job.models},
+        channels={channel: capture.channels[channel].wavelength_nm for channel in job.channels},
         y=extent.top + middle + extent.pitch * np.arange(extent.rows, dtype=np.float64),
         x=extent.left + middle + extent.pitch * np.arange(extent.columns, dtype=np.float64),
+        fits=[
+            {"eta": t.eta, "eta_sigma": t.eta_sigma, "k": t.k, "k_sigma": t.k_sigma}
+            for t in job.channels.values()
+        ],
         fields=job.fields,
         flags={int(status): status.name.lower() for status in Status},
         attributes=attributes,
@@ -200,7 +201,7 @@ def _summary(
                     counts += np.bincount(band.ravel(), minlength=256)
         found = {status: int(counts[status]) for status in Status if counts[status]}
         joined = {name: np.concatenate(parts) for name, parts in sample.items()}
-        channels.append(ChannelSummary(channel, wavelength_nm, job.models[channel], found, joined))
+        channels.append(ChannelSummary(channel, wavelength_nm, job.channels[channel], found, joined))
     files = (out, out.with_suffix(".png"), *([] if exr is None else [exr]))
     return MapResult(
         job.source.capture.sample_name,

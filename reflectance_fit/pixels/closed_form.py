@@ -25,7 +25,7 @@ from numba import prange
 from numpy.typing import NDArray
 
 from reflectance_fit.physics.jit import inlined, threaded
-from reflectance_fit.pixels.rows import FloatArray, Float32Array
+from reflectance_fit.pixels.rows import Float32Array, FloatArray
 from reflectance_fit.pixels.status import Status
 
 # Lanes of a block: its lines stay in the first level of cache.
@@ -51,9 +51,7 @@ def sin_cos(theta: float) -> tuple[float, float]:
     """Sine and cosine for 0 to pi/2 by their series about pi/4: to 1e-11, and in vector instructions."""
     x = theta - 0.7853981633974483
     y = x * x
-    sin = x * (
-        1 + y * (-1 / 6 + y * (1 / 120 + y * (-1 / 5040 + y * (1 / 362880 + y * (-1 / 39916800)))))
-    )
+    sin = x * (1 + y * (-1 / 6 + y * (1 / 120 + y * (-1 / 5040 + y * (1 / 362880 + y * (-1 / 39916800))))))
     cos = 1 + y * (
         -1 / 2 + y * (1 / 24 + y * (-1 / 720 + y * (1 / 40320 + y * (-1 / 3628800 + y * (1 / 479001600)))))
     )
@@ -93,7 +91,12 @@ def dielectric(
             v, s2 = values[j, first : first + count], variance[j, first : first + count]
             p, q = responses[j, 0, 0], responses[j, 1, 0]
             if len(cos_2s) > 1:
-                pc, ps, qc, qs = responses[j, 0, 1], responses[j, 0, 2], responses[j, 1, 1], responses[j, 1, 2]
+                pc, ps, qc, qs = (
+                    responses[j, 0, 1],
+                    responses[j, 0, 2],
+                    responses[j, 1, 1],
+                    responses[j, 1, 2],
+                )
                 cos, sin = cos_2s[first : first + count], sin_2s[first : first + count]
                 for i in range(count):
                     c, s = np.float64(cos[i]), np.float64(sin[i])
@@ -173,7 +176,9 @@ def _solve(
         near = r < 2 * spread
         # Half of what the 95 % interval of r, about +- 2 spread, leaves to one side; near 0 to both signs of rho.
         error = (
-            0.5 * (rho + math.sqrt(r + 2 * spread)) if near else spread / (rho + math.sqrt(max(r - 2 * spread, 0.0)))
+            0.5 * (rho + math.sqrt(r + 2 * spread))
+            if near
+            else spread / (rho + math.sqrt(max(r - 2 * spread, 0.0)))
         )
         above = (1 + rho) / (1 - rho)  # u of the higher branch; infinite where rho = 1
         slope = 2 / ((1 - rho) * (1 - rho)) * error

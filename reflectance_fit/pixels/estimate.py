@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from reflectance_fit.pixels.closed_form import dielectric
 from reflectance_fit.pixels.descent import descend
-from reflectance_fit.pixels.rows import FloatArray, Float32Array, PixelRows
+from reflectance_fit.pixels.rows import Float32Array, FloatArray, PixelRows
 from reflectance_fit.pixels.status import Status
 from reflectance_fit.priors import ETA_PRIOR, K_PRIOR
 

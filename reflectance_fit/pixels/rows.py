@@ -70,7 +70,9 @@ class PixelRows:
             if getattr(self, name).dtype != np.float32:
                 raise ValueError(f"{name} must be float32")
         if self.variance.shape != (m, n):
-            raise ValueError(f"variance has the shape {self.variance.shape}, values {(m, n)}: make them equal")
+            raise ValueError(
+                f"variance has the shape {self.variance.shape}, values {(m, n)}: make them equal"
+            )
         if m > MOST_FRAMES:
             raise ValueError(f"{m} frames are more than {MOST_FRAMES}; average those of equal settings")
         for name in ("view", "gain", "diattenuation", "analyzer", "retarder", "retardance"):

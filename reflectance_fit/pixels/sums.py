@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from reflectance_fit.inference.derivatives import interface_gradients
 from reflectance_fit.physics.jit import inlined
 from reflectance_fit.physics.kernels import interface
-from reflectance_fit.pixels.rows import FloatArray, Float32Array
+from reflectance_fit.pixels.rows import Float32Array, FloatArray
 
 IntArray = NDArray[np.int64]
 

@@ -62,9 +62,7 @@ def chosen(minima: FloatArray, i: int, free_k: bool, expected: float) -> int:
 
 
 @inlined
-def deviations(
-    minima: FloatArray, z: int, i: int, free_k: bool
-) -> tuple[float, float, float]:
+def deviations(minima: FloatArray, z: int, i: int, free_k: bool) -> tuple[float, float, float]:
     """Standard deviations of eta and k^2 and their correlation at a minimum; infinite on a ridge."""
     at = z * MINIMUM * B + i
     h11, h12, h22 = minima[at + 3 * B], minima[at + 4 * B], minima[at + 5 * B]

@@ -9,12 +9,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from reflectance_fit.plot import panels, style
 from reflectance_fit.plot.text import printable
 
-_PANEL_WIDTH, _GAP, _LEFT, _RIGHT = 2.5, 1.0, 0.72, 0.75  # inches
+_PANEL_WIDTH, _GAP, _LEFT, _RIGHT = 2.5, 1.15, 0.72, 1.75  # inches
 _LOWEST, _TALLEST = 0.2, 1.3  # of a panel's height over its width
 # By status: what is known of eta, then what is not, then why there is nothing.
 _COLOURS = {
@@ -73,19 +74,23 @@ def draw_map(sample: str, channels: Sequence[Shown], place: tuple[float, float, 
 
 
 def _numbers(ax: Axes, shown: Shown, field: str, extent: tuple[float, float, float, float]) -> None:
-    """What all but a few stray pixels span."""
+    """The better half of the pixels sets the scale of eta and k: the worse would stretch it to their noise."""
     values = shown.fields[field]
-    known = values[np.isfinite(values)]
+    known = np.isfinite(values)
     norm = Normalize(0.0, 1.0)
-    if known.size:
-        low, high = (float(q) for q in np.percentile(known, (1.0, 99.0)))
+    if known.any():
+        of_sigma = field.endswith("sigma")
+        sigma = values if of_sigma else shown.fields[f"{field}_sigma"]
+        counted = known if of_sigma else known & (sigma <= np.nanmedian(sigma))
+        ends = (0.5, 90.0) if of_sigma else (0.5, 99.5)
+        low, high = (float(q) for q in np.percentile(values[counted], ends))
         norm = Normalize(low, max(high, low + 1e-6 + 1e-4 * abs(low)))
     colours = "viridis" if field in ("eta", "k") else "magma"
     ax.imshow(values, cmap=colours, norm=norm, extent=extent, interpolation="nearest")
     symbol = {"eta_sigma": "sigma of eta", "k_sigma": "sigma of k"}.get(field, field)
     panels.frame(ax, f"{printable(shown.name)}: {symbol}" if field == "eta" else symbol)
     panels.scale(ax, norm, colours)
-    if not known.size:
+    if not known.any():
         panels.say(ax, "known of no pixel" if field.startswith("eta") else "taken as 0")
 
 
@@ -104,10 +109,13 @@ def _status(ax: Axes, shown: Shown, extent: tuple[float, float, float, float]) -
     )
     panels.frame(ax, "status")
     ranked = sorted(shown.shares, key=lambda name: -shown.shares[name])
-    panels.legend(
-        ax,
-        [
-            (f"{name.replace('_', ' ')} {100 * shown.shares[name]:.2g} %", _COLOURS[name])
-            for name in ranked[:5]
-        ],
-    )
+    handles = [
+        Patch(
+            facecolor=_COLOURS[name],
+            edgecolor="#999999",
+            linewidth=0.4,
+            label=f"{name.replace('_', ' ')} {100 * shown.shares[name]:.3g} %",
+        )
+        for name in ranked[:7]
+    ]
+    style.side_legend(ax, handles=handles, fontsize=7)

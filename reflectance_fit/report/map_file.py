@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reflectance_fit.files import write_whole
-from reflectance_fit.map_columns import COORDINATES, DIMENSIONS, FIELDS
+from reflectance_fit.map_columns import COORDINATES, DIMENSIONS, FIELDS, FITS
 
 BAND = 256
 """Rows at a time, and the side of a chunk of the file: at 8192 columns a band takes 8 MB."""
@@ -37,7 +37,8 @@ class MapHeader:
     """What a map is of.
 
     ``channels`` maps names to wavelengths in nm, ``y`` and ``x`` are places on
-    the sensor, ``fields`` names of map_columns.FIELDS, ``flags`` code and name
+    the sensor, ``fits`` maps a name of map_columns.FITS, without its "fit_", to
+    the number, for each channel, ``fields`` are names of map_columns.FIELDS, ``flags`` code and name
     of every status; ``attributes`` those of map_columns.ATTRIBUTES, what is no
     text or number as JSON.
     """
@@ -45,6 +46,7 @@ class MapHeader:
     channels: Mapping[str, float]
     y: NDArray[np.float64]
     x: NDArray[np.float64]
+    fits: Sequence[Mapping[str, float]]
     fields: Sequence[str]
     flags: Mapping[int, str]
     attributes: Mapping[str, Any]
@@ -89,6 +91,10 @@ def _coordinates(file: h5netcdf.File, header: MapHeader) -> None:
         variable.attrs["long_name"] = text
         if unit:
             variable.attrs["units"] = unit
+    for name, text in FITS.items():
+        variable = file.create_variable(name, ("channel",), "float64")
+        variable[...] = [fit[name.removeprefix("fit_")] for fit in header.fits]
+        variable.attrs["long_name"], variable.attrs["units"] = text, "1"
     file.variables["wavelength_nm"].attrs["standard_name"] = "radiation_wavelength"
     file.variables["y"].attrs["axis"], file.variables["x"].attrs["axis"] = "Y", "X"
     # Rows run downwards, as in every picture.
