@@ -73,34 +73,34 @@ Values = tuple[FloatArray, BoolArray, BoolArray, FloatArray | float]
 
 
 def _own(frame: RawFrame, site: tuple[int, int], cells: Cells, mask: Mask | None, clip: float) -> Values:
-    """The pixel of each cell itself."""
-    value, clipped, out = (np.full((cells.rows, cells.columns), empty) for empty in (math.nan, False, True))
-    height, width = frame.cfa.shape
-    top, left = cells.top + site[0], cells.left + site[1]
-    # Of cells that the picture cuts, those are left whose pixel is on it.
-    rows = slice(0, len(range(top, min(height, top + cells.pitch * cells.rows), cells.pitch)))
-    columns = slice(0, len(range(left, min(width, left + cells.pitch * cells.columns), cells.pitch)))
-    down, across = slice(top, height, cells.pitch), slice(left, width, cells.pitch)
-    down, across = _first(down, rows.stop), _first(across, columns.stop)
-    value[rows, columns], clipped[rows, columns], out[rows, columns] = _read(
-        frame, site, down, across, mask, clip
+    """The pixel of each cell itself; all cells lie in the picture."""
+    down, across = (
+        slice(box.start + at, box.stop, cells.pitch) for box, at in zip(cells.box(), site, strict=True)
     )
+    value, clipped, out = _read(frame, down, across, mask, clip)
     return value.ravel(), clipped.ravel(), ~out.ravel(), 1.0
 
 
-def _first(which: slice, count: int) -> slice:
-    return slice(which.start, which.start + count * which.step, which.step)
-
-
 def _read(
-    frame: RawFrame, site: tuple[int, int], down: slice, across: slice, mask: Mask | None, clip: float
+    frame: RawFrame, down: slice, across: slice, mask: Mask | None, clip: float
 ) -> tuple[FloatArray, BoolArray, BoolArray]:
-    """Above black, whether clipped and whether masked, of the pixels of one place of the pattern."""
-    dn, black = frame.cfa[down, across], float(frame.black[site])
-    level = min(float(frame.clip[site]), black + clip)
+    """Above black, whether clipped and whether masked."""
+    dn = frame.cfa[down, across]
+    black, highest = (_at(levels, down, across) for levels in (frame.black, frame.clip))
+    level = np.minimum(highest, black + clip)
     value = dn - black if frame.maps is None else frame.maps.above_black(dn, (down, across), black)
     out = np.zeros(dn.shape, dtype=bool) if mask is None else mask.rows(down)[:, across]
     return np.asarray(value, dtype=np.float64), dn >= level, out
+
+
+def _at(levels: FloatArray, down: slice, across: slice) -> FloatArray:
+    """Levels of pixels; where all are of one place of the pattern one number, of shape (1, 1)."""
+    n = len(levels)
+    rows = np.arange(down.start, down.stop, down.step) % n
+    columns = np.arange(across.start, across.stop, across.step) % n
+    if down.step % n == 0 and across.step % n == 0:
+        rows, columns = rows[:1], columns[:1]
+    return np.asarray(levels[np.ix_(rows, columns)])
 
 
 def _between(
@@ -120,7 +120,6 @@ def _between(
     last_column = min(columns, int(at_column[inside].max()) + 2)
     value, clipped, out = _read(
         frame,
-        site,
         slice(site[0] + n * first_row, site[0] + n * (last_row - 1) + 1, n),
         slice(site[1] + n * first_column, site[1] + n * (last_column - 1) + 1, n),
         mask,

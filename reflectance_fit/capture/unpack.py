@@ -97,13 +97,13 @@ def unpack_file(
     path: Path, reading: Reading, folder: Path, name: str, is_dark: bool
 ) -> tuple[Unpacked, Mask | None]:
     """Decode one file into ``folder``, and find the hot pixels of a dark; what runs inside the decoding worker."""
-    frame = _smallest_cell(read_frame(path, reading))
+    frame = read_frame(path, reading)
     pixels = folder / f"{name}.npy"
     np.save(pixels, frame.cfa)
     maps = frame.maps or PixelMaps(None, None)
     hot = hot_pixels(frame) if is_dark else None
     about = reduce_frame(frame, ())
-    bare = replace(frame, cfa=np.zeros((0, 0), dtype=np.uint16), maps=None)
+    bare = replace(_smallest_cell(frame), cfa=np.zeros((0, 0), dtype=np.uint16), maps=None)
     # All frames have the same maps, but which is the first of them only the parent knows.
     offset, gain = (
         None if image is None else _saved(folder / f"{name}-{kind}.npy", image)
@@ -118,19 +118,7 @@ def _saved(path: Path, image: NDArray[np.float32]) -> Path:
 
 
 def _smallest_cell(frame: RawFrame) -> RawFrame:
-    """A sensor whose pixels are all alike has a cell of one pixel."""
-    levels = [frame.black, frame.white]
-    if frame.measured_white is not None:
-        levels.append(frame.measured_white)
-    alike = len(frame.planes()) == 1 and all(np.ptp(level) == 0 for level in levels)
-    if not alike:
+    """A sensor whose pixels see all alike has a cell of one pixel, whatever the pattern of its levels."""
+    if len(frame.planes()) > 1:
         return frame
-    white = frame.measured_white
-    return replace(
-        frame,
-        channels=frame.channels[:1, :1],
-        axes_deg=frame.axes_deg[:1, :1],
-        black=frame.black[:1, :1],
-        white=frame.white[:1, :1],
-        measured_white=None if white is None else white[:1, :1],
-    )
+    return replace(frame, channels=frame.channels[:1, :1], axes_deg=frame.axes_deg[:1, :1])
