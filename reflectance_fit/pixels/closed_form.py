@@ -25,7 +25,7 @@ from numba import prange
 from numpy.typing import NDArray
 
 from reflectance_fit.physics.jit import inlined, threaded
-from reflectance_fit.pixels.rows import FloatArray, Float32Array
+from reflectance_fit.pixels.rows import Float32Array, FloatArray
 from reflectance_fit.pixels.status import Status
 
 # Lanes of a block: its lines stay in the first level of cache.
@@ -51,9 +51,7 @@ def sin_cos(theta: float) -> tuple[float, float]:
     """Sine and cosine for 0 to pi/2 by their series about pi/4: to 1e-11, and in vector instructions."""
     x = theta - 0.7853981633974483
     y = x * x
-    sin = x * (
-        1 + y * (-1 / 6 + y * (1 / 120 + y * (-1 / 5040 + y * (1 / 362880 + y * (-1 / 39916800)))))
-    )
+    sin = x * (1 + y * (-1 / 6 + y * (1 / 120 + y * (-1 / 5040 + y * (1 / 362880 + y * (-1 / 39916800))))))
     cos = 1 + y * (
         -1 / 2 + y * (1 / 24 + y * (-1 / 720 + y * (1 / 40320 + y * (-1 / 3628800 + y * (1 / 479001600)))))
     )
@@ -70,6 +68,7 @@ def dielectric(
     sin_2s: Float32Array,
     reason: NDArray[np.uint8],
     exterior: float,
+    smallest: float,
     largest: float,
     expected: float,
     eta: Float32Array,
@@ -81,8 +80,8 @@ def dielectric(
     """Fill ``eta``, ``sigma``, ``chi2``, ``dof`` and ``status``, all of shape (n,).
 
     ``values``, ``variance`` are (m, n), ``responses`` (m, 2, 3) of R_s and R_p (`PixelRows.responses`), ``theta``,
-    ``cos_2s`` and ``sin_2s`` (n,) or (1,); ``largest`` is the greatest eta, ``expected`` the one that decides
-    between two, both relative to the outside.
+    ``cos_2s`` and ``sin_2s`` (n,) or (1,); ``smallest`` and ``largest`` eta are the prior's,
+    ``expected`` decides between two; all relative to the outside.
     """
     m, n = values.shape
     for block in prange((n + _B - 1) // _B):
@@ -93,7 +92,12 @@ def dielectric(
             v, s2 = values[j, first : first + count], variance[j, first : first + count]
             p, q = responses[j, 0, 0], responses[j, 1, 0]
             if len(cos_2s) > 1:
-                pc, ps, qc, qs = responses[j, 0, 1], responses[j, 0, 2], responses[j, 1, 1], responses[j, 1, 2]
+                pc, ps, qc, qs = (
+                    responses[j, 0, 1],
+                    responses[j, 0, 2],
+                    responses[j, 1, 1],
+                    responses[j, 1, 2],
+                )
                 cos, sin = cos_2s[first : first + count], sin_2s[first : first + count]
                 for i in range(count):
                     c, s = np.float64(cos[i]), np.float64(sin[i])
@@ -112,6 +116,7 @@ def dielectric(
         _solve(
             f,
             exterior,
+            smallest,
             largest,
             expected,
             reason[first : first + count],
@@ -132,7 +137,7 @@ def _squares(theta: float) -> tuple[float, float]:
 @inlined
 def _add(f: FloatArray, i: int, value: np.float32, variance: np.float32, p: float, q: float) -> None:
     """One reading into the sums of lane i: its weight times the products of p, q (responses to X and Y) and value."""
-    there = value == value and variance > np.float32(0)
+    there = not math.isnan(value) and variance > np.float32(0)
     w = np.float64(np.float32(1) / variance) if there else 0.0
     y = np.float64(value) if there else 0.0
     wp, wq = w * p, w * q
@@ -149,6 +154,7 @@ def _add(f: FloatArray, i: int, value: np.float32, variance: np.float32, p: floa
 def _solve(
     f: FloatArray,
     exterior: float,
+    smallest: float,
     largest: float,
     expected: float,
     reason: NDArray[np.uint8],
@@ -173,7 +179,9 @@ def _solve(
         near = r < 2 * spread
         # Half of what the 95 % interval of r, about +- 2 spread, leaves to one side; near 0 to both signs of rho.
         error = (
-            0.5 * (rho + math.sqrt(r + 2 * spread)) if near else spread / (rho + math.sqrt(max(r - 2 * spread, 0.0)))
+            0.5 * (rho + math.sqrt(r + 2 * spread))
+            if near
+            else spread / (rho + math.sqrt(max(r - 2 * spread, 0.0)))
         )
         above = (1 + rho) / (1 - rho)  # u of the higher branch; infinite where rho = 1
         slope = 2 / ((1 - rho) * (1 - rho)) * error
@@ -195,6 +203,7 @@ def _solve(
         found = largest if clipped else found
         # Below the lower branch all is total reflection, r = 1.
         wide = clipped or (low and r + 2 * spread > 1) or not (deviation <= WIDE * found)
+        wide = wide or found < smallest
         parallel = not (det > _PARALLEL * a11 * a22)
         dark = not (x > 0 and x * x >= _LIGHT * det * a22)
         code = _AMBIGUOUS if both and not excluded else _IDENTIFIED

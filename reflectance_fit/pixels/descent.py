@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from reflectance_fit.physics.jit import inlined, threaded
 from reflectance_fit.pixels.closed_form import sin_cos
-from reflectance_fit.pixels.rows import FloatArray, Float32Array
+from reflectance_fit.pixels.rows import Float32Array, FloatArray
 from reflectance_fit.pixels.status import Status
 from reflectance_fit.pixels.sums import (
     CELL,
@@ -129,7 +129,7 @@ def descend(
             free[i] = number[i] - taken - unknowns
             active[i] = reason[first + i] == 0 and free[i] >= 0
         jet, of_gains = np.empty(JET * B), np.empty((gains + 1) * GAIN * B)
-        here, state, chi2 = np.empty(FOUND * B), np.empty(_STATE * B), np.empty(B)
+        here, state = np.empty(FOUND * B), np.empty(_STATE * B)
         any_active = False
         for i in range(count):
             any_active = any_active or active[i]
@@ -147,9 +147,23 @@ def descend(
             for i in range(B):
                 starting[i] = active[i] and best[lines + i] < math.inf
                 state[_ETA + i] = best[lines + B + i] if starting[i] else 1.0
-                state[_SQUARE + i] = max(best[lines + 2 * B + i] ** 2, FLOOR) if free_k and starting[i] else 0.0
+                state[_SQUARE + i] = (
+                    max(best[lines + 2 * B + i] ** 2, FLOOR) if free_k and starting[i] else 0.0
+                )
             rested = _descend(
-                cells, cell_view, cell_gain, gains, angles, total, starting, bounds, free_k, jet, of_gains, here, state
+                cells,
+                cell_view,
+                cell_gain,
+                gains,
+                angles,
+                total,
+                starting,
+                bounds,
+                free_k,
+                jet,
+                of_gains,
+                here,
+                state,
             )
             at = z * MINIMUM * B
             for i in range(B):
@@ -164,10 +178,24 @@ def descend(
         bounded = False
         for i in range(count if free_k else 0):
             _, of_square, _ = deviations(minima, which[i], i, free_k)
-            bounded = bounded or (active[i] and reaches_zero(minima[(which[i] * MINIMUM + 1) * B + i], of_square))
+            bounded = bounded or (
+                active[i] and reaches_zero(minima[(which[i] * MINIMUM + 1) * B + i], of_square)
+            )
         if bounded:
             _limits(
-                cells, cell_view, cell_gain, gains, angles, total, minima, which, bounds, jet, of_gains, here, limit
+                cells,
+                cell_view,
+                cell_gain,
+                gains,
+                angles,
+                total,
+                minima,
+                which,
+                bounds,
+                jet,
+                of_gains,
+                here,
+                limit,
             )
         for i in range(count):
             at, z = first + i, which[i]

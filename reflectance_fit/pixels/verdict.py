@@ -62,9 +62,7 @@ def chosen(minima: FloatArray, i: int, free_k: bool, expected: float) -> int:
 
 
 @inlined
-def deviations(
-    minima: FloatArray, z: int, i: int, free_k: bool
-) -> tuple[float, float, float]:
+def deviations(minima: FloatArray, z: int, i: int, free_k: bool) -> tuple[float, float, float]:
     """Standard deviations of eta and k^2 and their correlation at a minimum; infinite on a ridge."""
     at = z * MINIMUM * B + i
     h11, h12, h22 = minima[at + 3 * B], minima[at + 4 * B], minima[at + 5 * B]
@@ -112,5 +110,6 @@ def status_of(
         wide = wide or (limit > quarter if bounded else 2 * deviation[1] / math.sqrt(square) > quarter)
         wide = wide or square >= bounds[2] ** 2
     code = _AMBIGUOUS if rival else code
-    code = _NOT_IDENTIFIED if wide else code
-    return _NOT_CONVERGED if minima[at + 6 * B] == 0 else code
+    code = _NOT_CONVERGED if minima[at + 6 * B] == 0 else code
+    # Along a ridge a descent need not come to rest.
+    return _NOT_IDENTIFIED if wide else code
