@@ -68,6 +68,7 @@ def dielectric(
     sin_2s: Float32Array,
     reason: NDArray[np.uint8],
     exterior: float,
+    smallest: float,
     largest: float,
     expected: float,
     eta: Float32Array,
@@ -79,8 +80,8 @@ def dielectric(
     """Fill ``eta``, ``sigma``, ``chi2``, ``dof`` and ``status``, all of shape (n,).
 
     ``values``, ``variance`` are (m, n), ``responses`` (m, 2, 3) of R_s and R_p (`PixelRows.responses`), ``theta``,
-    ``cos_2s`` and ``sin_2s`` (n,) or (1,); ``largest`` is the greatest eta, ``expected`` the one that decides
-    between two, both relative to the outside.
+    ``cos_2s`` and ``sin_2s`` (n,) or (1,); ``smallest`` and ``largest`` eta are the prior's,
+    ``expected`` decides between two; all relative to the outside.
     """
     m, n = values.shape
     for block in prange((n + _B - 1) // _B):
@@ -115,6 +116,7 @@ def dielectric(
         _solve(
             f,
             exterior,
+            smallest,
             largest,
             expected,
             reason[first : first + count],
@@ -135,7 +137,7 @@ def _squares(theta: float) -> tuple[float, float]:
 @inlined
 def _add(f: FloatArray, i: int, value: np.float32, variance: np.float32, p: float, q: float) -> None:
     """One reading into the sums of lane i: its weight times the products of p, q (responses to X and Y) and value."""
-    there = value == value and variance > np.float32(0)
+    there = not math.isnan(value) and variance > np.float32(0)
     w = np.float64(np.float32(1) / variance) if there else 0.0
     y = np.float64(value) if there else 0.0
     wp, wq = w * p, w * q
@@ -152,6 +154,7 @@ def _add(f: FloatArray, i: int, value: np.float32, variance: np.float32, p: floa
 def _solve(
     f: FloatArray,
     exterior: float,
+    smallest: float,
     largest: float,
     expected: float,
     reason: NDArray[np.uint8],
@@ -200,6 +203,7 @@ def _solve(
         found = largest if clipped else found
         # Below the lower branch all is total reflection, r = 1.
         wide = clipped or (low and r + 2 * spread > 1) or not (deviation <= WIDE * found)
+        wide = wide or found < smallest
         parallel = not (det > _PARALLEL * a11 * a22)
         dark = not (x > 0 and x * x >= _LIGHT * det * a22)
         code = _AMBIGUOUS if both and not excluded else _IDENTIFIED

@@ -129,7 +129,7 @@ def descend(
             free[i] = number[i] - taken - unknowns
             active[i] = reason[first + i] == 0 and free[i] >= 0
         jet, of_gains = np.empty(JET * B), np.empty((gains + 1) * GAIN * B)
-        here, state, chi2 = np.empty(FOUND * B), np.empty(_STATE * B), np.empty(B)
+        here, state = np.empty(FOUND * B), np.empty(_STATE * B)
         any_active = False
         for i in range(count):
             any_active = any_active or active[i]

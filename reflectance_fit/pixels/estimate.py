@@ -99,7 +99,7 @@ def estimate(
     responses, cells = rows.responses(), _cells(rows)
     expected = expected_eta / rows.exterior_ior
     one_cell = len(cells.view) == 1 and rows.gain[0] >= 0
-    if model == "dielectric" and one_cell and not responses[:, 2:].any():
+    if model == "dielectric" and one_cell and not rows.light[:, 2:].any():
         return _closed(rows, cells, responses, reason, expected)
     return _descended(rows, cells, responses, reason, expected, model == "conductor")
 
@@ -138,9 +138,12 @@ def _closed(
         rows.sin_2s[view],
         reason,
         rows.exterior_ior,
+        ETA_PRIOR[0] / rows.exterior_ior,
         ETA_PRIOR[1] / rows.exterior_ior,
         expected,
-        *found,
+        found[0],
+        found[1],
+        found[2],
         dof,
         status,
     )

@@ -94,7 +94,7 @@ class PixelRows:
     @property
     def turns(self) -> bool:
         """Whether the s axis differs from pixel to pixel."""
-        return self.cos_2s.shape[1] > 1
+        return bool(self.cos_2s.shape[1] > 1)
 
     def responses(self) -> FloatArray:
         """What each frame reads of R_s, R_p and r_s conj(r_p) = C at gain 1: shape (m, 4, 3).
@@ -124,7 +124,8 @@ class PixelRows:
         )
         if not self.turns:
             cos, sin = (x[self.view, 0].astype(np.float64)[:, None] for x in (self.cos_2s, self.sin_2s))
-            found[:, :, 0] += cos * found[:, :, 1] + sin * found[:, :, 2]
+            # In the order in which the kernels add, so that a tile of one pixel has the same bits.
+            found[:, :, 0] = (found[:, :, 0] + found[:, :, 1] * cos) + found[:, :, 2] * sin
             found[:, :, 1:] = 0.0
         return found
 

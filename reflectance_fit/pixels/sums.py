@@ -55,7 +55,7 @@ def accumulate(
     """One frame's readings, at most B, into the sums of its cell; ``total`` is c, ``readings`` their number,
     ``lit`` that of its gain."""
     for i in range(len(value)):
-        there = value[i] == value[i] and variance[i] > np.float32(0)
+        there = not math.isnan(value[i]) and variance[i] > np.float32(0)
         w = 1 / np.float64(variance[i]) if there else 0.0
         y = np.float64(value[i]) if there else 0.0
         at = i if len(cos_2s) > 1 else 0

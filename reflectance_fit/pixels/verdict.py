@@ -110,5 +110,6 @@ def status_of(
         wide = wide or (limit > quarter if bounded else 2 * deviation[1] / math.sqrt(square) > quarter)
         wide = wide or square >= bounds[2] ** 2
     code = _AMBIGUOUS if rival else code
-    code = _NOT_IDENTIFIED if wide else code
-    return _NOT_CONVERGED if minima[at + 6 * B] == 0 else code
+    code = _NOT_CONVERGED if minima[at + 6 * B] == 0 else code
+    # Along a ridge a descent need not come to rest.
+    return _NOT_IDENTIFIED if wide else code

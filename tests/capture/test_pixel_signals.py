@@ -17,6 +17,8 @@ from reflectance_fit.capture.pixel_source import pixel_source
 from reflectance_fit.capture.raw import Plane, RawFrame
 from reflectance_fit.capture.read import read_capture
 from reflectance_fit.data_synthetic.capture import write_capture
+from reflectance_fit.data_synthetic.picture import Optics
+from reflectance_fit.data_synthetic.rig import MONO_CHANNELS
 from reflectance_fit.data_synthetic.sensor import Sensor
 from reflectance_fit.data_synthetic.spec import IMX250, CaptureSpec
 
@@ -50,10 +52,9 @@ def frame_of(cfa, channels, axes_deg=None, black=0.0):
 @pytest.mark.parametrize("kind", ["bayer", "mono"])
 def test_a_cell_is_a_region_of_one_cell(tmp_path, kind):
     """Value and sigma to the last digits: darks, flats of each analyzer angle, exposures, levels, all of it."""
-    spec = CaptureSpec(
-        "N-BK7", angles_deg=(45.0, 60.0), sensor=SMALL, seed=3, flat_stops=(0,), bracket=(0, -2)
-    )
-    spec = replace(spec, sensor_kind=kind) if hasattr(spec, "sensor_kind") else spec
+    spec = CaptureSpec("N-BK7", angles_deg=(45.0, 60.0), sensor=SMALL, seed=3, bracket=(0, -2))
+    if kind == "mono":
+        spec = replace(spec, sensor=replace(SMALL, pattern="MONO"), channels=MONO_CHANNELS)
     write_capture(tmp_path / "c", spec)
     _, source = source_of(tmp_path / "c", tmp_path)
     extent = source.extent()
@@ -77,14 +78,20 @@ def test_a_cell_is_a_region_of_one_cell(tmp_path, kind):
 
 def test_a_part_is_a_part_of_the_whole(tmp_path):
     """Bit by bit, at odd places and sizes, with frames that are shifted and a mask."""
-    write_capture(tmp_path / "c", CaptureSpec("N-BK7", shape="sphere", sensor=Sensor(width=240, height=180), seed=2))
+    write_capture(
+        tmp_path / "c", CaptureSpec("N-BK7", shape="sphere", sensor=Sensor(width=240, height=180), seed=2)
+    )
     _, source = source_of(tmp_path / "c", tmp_path)
     moved = Shift(((1.0, 2e-4), (-2e-4, 1.0)), (0.37, -1.21))
     source = replace(source, shifts={source.frames[1].path: moved})
     whole = source.extent()
     all_of_it = source.signals("G", whole)
     shape = (whole.rows, whole.columns)
-    for top, left, rows, columns in ((0, 0, 7, 11), (13, 5, 21, 17), (whole.rows - 3, 1, 3, whole.columns - 1)):
+    for top, left, rows, columns in (
+        (0, 0, 7, 11),
+        (13, 5, 21, 17),
+        (whole.rows - 3, 1, 3, whole.columns - 1),
+    ):
         part = replace(
             whole,
             left=whole.left + whole.pitch * left,
@@ -166,7 +173,15 @@ def test_a_point_of_a_board_is_carried_from_pose_to_pose():
 def test_a_board_has_angles_of_its_own_in_every_view(tmp_path):
     write_capture(
         tmp_path / "b",
-        CaptureSpec("N-BK7", shape="board", angles_deg=(40.0, 55.0), sensor=Sensor(width=832, height=624), seed=1),
+        CaptureSpec(
+            "N-BK7",
+            shape="board",
+            angles_deg=(40.0, 55.0),
+            sensor=Sensor(width=832, height=624),
+            seed=1,
+            optics=Optics(2.1 * 832, 0.7),
+            geometry_views=8,
+        ),
     )
     ingested, source = source_of(tmp_path / "b", tmp_path)
     assert isinstance(ingested.capture.geometry, OnBoard)
