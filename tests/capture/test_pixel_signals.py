@@ -185,8 +185,9 @@ def test_a_board_has_angles_of_its_own_in_every_view(tmp_path):
     )
     ingested, source = source_of(tmp_path / "b", tmp_path)
     assert isinstance(ingested.capture.geometry, OnBoard)
-    signals = source.signals("G", source.extent())
-    middle = source.extent().count // 2
+    extent = source.extent()
+    signals = source.signals("G", extent)
+    middle = extent.rows // 2 * extent.columns + extent.columns // 2
     stated = sorted({round(f.theta_deg, 2) for f in source.frames})
     assert len(signals.views) == len(stated) == 2
     for view, theta_deg in zip(signals.views, stated, strict=True):
