@@ -25,6 +25,7 @@ from reflectance_fit.mapping import MapJob, Tile, Tiles, compute_tile, tiles_of
 from reflectance_fit.measured import Note
 from reflectance_fit.pixels.status import Status
 from reflectance_fit.report.map_file import MapHeader, write_map, write_map_exr
+from reflectance_fit.result import Fit
 from reflectance_fit.scale.executors import Executor, Task
 from reflectance_fit.workflow import fit
 
@@ -89,14 +90,14 @@ def map_to_files(
             check_writable(file.parent)
     capture = read_capture(source)
     ingested = ingest(capture, progress=progress)
-    together = _together(ingested, model)
+    together, taken = _together(ingested, model)
     with _work_folder(out) as folder:
         pixels = pixel_source(ingested, folder, progress)
         job = MapJob(pixels, together)
         extent = pixels.extent()
         tiles = list(tiles_of(extent, tile, folder))
         lost = _compute(job, tiles, executor, compute, progress)
-        notes = [*ingested.measurement.warnings, *_lost_note(lost, tiles)]
+        notes = [*ingested.measurement.warnings, *taken, *_lost_note(lost, tiles)]
         numbers = Tiles(tiles, frozenset(lost), extent.columns)
         header = _header(ingested, job, extent, notes)
         result = _summary(header, job, extent, numbers, notes, out, exr)
@@ -114,14 +115,36 @@ def _work_folder(out: Path) -> Iterator[Path]:
         yield Path(folder).absolute()
 
 
-def _together(ingested: Ingested, model: str) -> dict[str, Together]:
-    """By channel what all pixels tell together; channels without a frame that counts are left out."""
+def _together(ingested: Ingested, model: str) -> tuple[dict[str, Together], list[Note]]:
+    """By channel what all pixels tell together; channels without a frame that counts are left out.
+
+    A fit that cannot tell whether k is 0 keeps it free.  A map that is left to choose takes it as 0 then, and says so:
+    pixels could tell nothing else.
+    """
     for name, prior in ingested.capture.priors.items():
         if prior.kind == "fixed" and (name, prior.low) != ("k", 0.0):
             message = f"priors fix {name} at {prior.low:g}, which a map does not take; leave it out"
             raise ReflectanceFitError(Problem(str(ingested.capture.path), None, message))
-    fits = fit(ingested.measurement, model=model, posterior="laplace").fits
-    return {one.channel: Together.of(one) for one in fits}
+    fits = {one.channel: one for one in fit(ingested.measurement, model=model, posterior="laplace").fits}
+    unsure = [one.channel for one in fits.values() if model == "auto" and _could_be_dielectric(one)]
+    if unsure:
+        transparent = fit(ingested.measurement, model="dielectric", posterior="laplace").fits
+        fits |= {one.channel: one for one in transparent if one.channel in unsure}
+    notes = [
+        Note(
+            "K_TAKEN_AS_ZERO",
+            f"{channel}: the photographs do not tell k from 0; eta is right if there is none. --model conductor "
+            "keeps k free",
+        )
+        for channel in unsure
+    ]
+    return {channel: Together.of(one) for channel, one in fits.items()}, notes
+
+
+def _could_be_dielectric(found: Fit) -> bool:
+    """Whether k = 0 is as good as the k that was found."""
+    best = min(found.candidates, key=lambda candidate: candidate.bic)
+    return found.optimum.model == "conductor" and best.name == "dielectric"
 
 
 def _compute(

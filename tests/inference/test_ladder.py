@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -225,3 +227,20 @@ def test_what_nothing_feels_is_as_wide_as_its_range():
     assert second.mean() == pytest.approx(0, abs=error * 180 / np.sqrt(12))
     assert second.std() == pytest.approx(180 / np.sqrt(12), rel=error)
     assert drawn.x[..., 0].std() == pytest.approx(1e-9, rel=error)
+
+
+def test_a_ridge_too_steep_to_straighten_is_not_trusted(rows_of, priors):
+    """Four readings at one angle, no sigma stated: eta, k and sigma share two equations."""
+    o = rows_of(
+        np.full(4, 50.0),
+        "signal",
+        [1036783.33333333, 535212.675, 33767.29666667, 535391.65],
+        gain_group="a",
+        analyzer_deg=[0.0, 45.0, 90.0, 135.0],
+    )
+    o = replace(o, diattenuation=np.full(4, 0.999))
+    rows = pack(o, 1.000277)
+    model = models.build("conductor", rows, priors, {}, ["signal"])
+    _, basins = search.find(model, rows, gain_names(o))
+    with pytest.raises(ladder.Untrusted, match="too steep"):
+        ladder._proposed(model, rows, basins, "laplace", (0,), min_ess=500)
