@@ -174,6 +174,7 @@ def _descended(
         cells.view,
         cells.gain,
         cells.gains,
+        bool(rows.light[:, 2:].any()),
         rows.theta,
         rows.cos_2s,
         rows.sin_2s,

@@ -189,7 +189,7 @@ def _least_squares(rows: PixelRows) -> Callable[[], Floats]:
 
 
 def _against_scipy() -> Iterator[Figure]:
-    glass, gold = scene(GLASS, GLASS_ANGLE, 4 * MEGA), scene(GOLD, GOLD_ANGLES, MEGA // 4)
+    glass, gold = scene(GLASS, GLASS_ANGLE, MEGA), scene(GOLD, GOLD_ANGLES, MEGA // 4)
     theirs = {"eta": _curve_fit(glass), "eta and k": _least_squares(gold)}
     ours: dict[str, Callable[[], PixelResult]] = {
         "eta": lambda: estimate(glass, "dielectric"),
