@@ -67,7 +67,7 @@ def estimate(
     reason : uint8, shape (n,)
         Codes of `Status` from 10 on of pixels that are not to be estimated, which they keep; 0 of the others.
     expected_eta : float
-        Relative to vacuum; decides between two eta of equal likelihood, where the pixel is AMBIGUOUS.
+        Relative to vacuum; decides between points of equal likelihood, where the pixel is AMBIGUOUS.
 
     Raises
     ------
