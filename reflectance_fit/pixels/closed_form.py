@@ -30,9 +30,10 @@ from reflectance_fit.pixels.status import Status
 
 # Lanes of a block: its lines stay in the first level of cache.
 _B = 256
-# Lines of the buffer.
-_A11, _A12, _A22, _B1, _B2, _C, _COUNT, _SIN2, _TAN2 = (i * _B for i in range(9))
-_LINES = 9
+# Lines of the buffer, and those that results take over.
+_A11, _A12, _A22, _B1, _B2, _C, _COUNT, _SIN2, _COS2, _CODE = (i * _B for i in range(10))
+_LINES = 10
+_ETA, _SIGMA, _CHI2, _DOF = _A11, _A12, _A22, _B1
 
 # X must stand out of its noise by as many sigma, as a variance.
 _LIGHT = 9.0
@@ -41,9 +42,12 @@ _PARALLEL = 1e-9
 # Of eta: sigma beyond which an interval of +- 2 sigma is more than a quarter of the prior's range (in its logarithm).
 WIDE = 0.25 * math.log(200.0) / 4
 
-_IDENTIFIED, _AMBIGUOUS = int(Status.IDENTIFIED), int(Status.AMBIGUOUS)
-_NEAR_BREWSTER, _NOT_IDENTIFIED = int(Status.NEAR_BREWSTER), int(Status.NOT_IDENTIFIED)
-_TOO_FEW, _NO_LIGHT = int(Status.TOO_FEW), int(Status.NO_LIGHT)
+_F32 = np.float32
+
+# As floats, like all else in a block.
+_IDENTIFIED, _AMBIGUOUS = float(Status.IDENTIFIED), float(Status.AMBIGUOUS)
+_NEAR_BREWSTER, _NOT_IDENTIFIED = float(Status.NEAR_BREWSTER), float(Status.NOT_IDENTIFIED)
+_TOO_FEW, _NO_LIGHT, _FIRST_REASON = float(Status.TOO_FEW), float(Status.NO_LIGHT), float(Status.OUTSIDE)
 
 
 @inlined
@@ -108,30 +112,30 @@ def dielectric(
         if len(theta) > 1:
             angle = theta[first : first + count]
             for i in range(count):
-                f[_SIN2 + i], f[_TAN2 + i] = _squares(np.float64(angle[i]))
+                f[_SIN2 + i], f[_COS2 + i] = _squares(np.float64(angle[i]))
         else:
             one = _squares(np.float64(theta[0]))
             for i in range(count):
-                f[_SIN2 + i], f[_TAN2 + i] = one
-        _solve(
-            f,
-            exterior,
-            smallest,
-            largest,
-            expected,
-            reason[first : first + count],
-            eta[first : first + count],
-            sigma[first : first + count],
-            chi2[first : first + count],
-            dof[first : first + count],
-            status[first : first + count],
-        )
+                f[_SIN2 + i], f[_COS2 + i] = one
+        for i in range(count):
+            f[_CODE + i] = np.float64(reason[first + i])
+        _solve(f, count, exterior, smallest, largest, expected)
+        for i in range(count):
+            eta[first + i] = np.float32(f[_ETA + i])
+        for i in range(count):
+            sigma[first + i] = np.float32(f[_SIGMA + i])
+        for i in range(count):
+            chi2[first + i] = np.float32(f[_CHI2 + i])
+        for i in range(count):
+            dof[first + i] = np.uint16(f[_DOF + i])
+        for i in range(count):
+            status[first + i] = np.uint8(f[_CODE + i])
 
 
 @inlined
 def _squares(theta: float) -> tuple[float, float]:
     s, c = sin_cos(theta)
-    return s * s, s * s / (c * c)
+    return s * s, c * c
 
 
 @inlined
@@ -152,57 +156,57 @@ def _add(f: FloatArray, i: int, value: np.float32, variance: np.float32, p: floa
 
 @inlined
 def _solve(
-    f: FloatArray,
-    exterior: float,
-    smallest: float,
-    largest: float,
-    expected: float,
-    reason: NDArray[np.uint8],
-    eta: Float32Array,
-    sigma: Float32Array,
-    chi2: Float32Array,
-    dof: NDArray[np.uint16],
-    status: NDArray[np.uint8],
+    f: FloatArray, count: int, exterior: float, smallest: float, largest: float, expected: float
 ) -> None:
-    for i in range(len(eta)):
+    """From a block's sums to its results, in the same lines.
+
+    Arrays of their own would have to be told apart before every block, more of them than the compiler does.  What
+    sigma and status need no more than a few digits of is in single precision.  With a = 1 + rho and b = 1 - rho, u is
+    a / b on the higher branch and b / a on the lower.
+    """
+    limit2, half, one, two, four = _F32(largest * largest), _F32(0.5), _F32(1), _F32(2), _F32(4)
+    fourth = _F32(expected**4)
+    for i in range(count):
         a11, a12, a22, b1, b2 = f[_A11 + i], f[_A12 + i], f[_A22 + i], f[_B1 + i], f[_B2 + i]
-        sin2, tan2, readings = f[_SIN2 + i], f[_TAN2 + i], f[_COUNT + i]
+        sin2, cos2, readings = f[_SIN2 + i], f[_COS2 + i], f[_COUNT + i]
         det = a11 * a22 - a12 * a12
-        x, y = a22 * b1 - a12 * b2, a11 * b2 - a12 * b1  # X and Y times det
+        x = a22 * b1 - a12 * b2  # X times det
+        inverse = 1 / x
         # An R_p below 0, or above R_s, is noise: the likelihood has its maximum at the edge.
-        r = min(max(y / x, 0.0), 1.0)
-        normal = a11 + r * (2 * a12 + r * a22)
-        gained = b1 + r * b2
+        ratio = min(max((a11 * b2 - a12 * b1) * inverse, 0.0), 1.0)
+        normal = a11 + ratio * (2 * a12 + ratio * a22)
+        gained = b1 + ratio * b2
+        rest = max(f[_C + i] - gained * gained / normal, 0.0)
+        root = math.sqrt(ratio)
+
         # var(Y / X), of which (1, r) A (1, r)^T det / x^2 is the closed form
-        spread = math.sqrt(normal * det) / abs(x)
-        rho = math.sqrt(r)
-        near = r < 2 * spread
+        spread = np.sqrt(_F32(normal * det * inverse * inverse))
+        r, rho, s2, c2 = _F32(ratio), _F32(root), _F32(sin2), _F32(cos2)
+        near = r < two * spread
         # Half of what the 95 % interval of r, about +- 2 spread, leaves to one side; near 0 to both signs of rho.
-        error = (
-            0.5 * (rho + math.sqrt(r + 2 * spread))
-            if near
-            else spread / (rho + math.sqrt(max(r - 2 * spread, 0.0)))
-        )
-        above = (1 + rho) / (1 - rho)  # u of the higher branch; infinite where rho = 1
-        slope = 2 / ((1 - rho) * (1 - rho)) * error
-        beyond = not (sin2 * (1 + tan2 * above * above) <= largest * largest)
-        least = above - 2 * slope
-        # The higher branch leaves the prior, and by more than the noise.
-        excluded = beyond and least > 0 and least * least * sin2 * tan2 > largest * largest - sin2
-        # Both above the outside's index, or neither: sin^2 (1 + tan^2 / u^2) > 1, sin^2 (1 + tan^2 u^2) < 1.
-        both = above < tan2 or above * tan2 < 1
-        lower = 1 / above
-        # Nearer in the logarithm: expected^2 is below the product of both.
-        product = sin2 * (1 + tan2 * above * above) * sin2 * (1 + tan2 * lower * lower)
-        low = excluded or (both and (beyond or product > expected * expected * expected * expected))
-        u = lower if low else above
-        found = math.sqrt(sin2 * (1 + tan2 * u * u))
-        slope = 2 * error / ((1 + rho) * (1 + rho)) if low else slope
-        deviation = sin2 * tan2 * u * slope / found
+        edge = rho + np.sqrt(r + two * spread if near else r - two * spread)
+        error = half * edge if near else spread / edge
+        a, b = one + rho, one - rho
+        high2 = s2 + s2 * s2 * (a * a) / (c2 * (b * b))
+        low2 = s2 + s2 * s2 * (b * b) / (c2 * (a * a))
+        # The higher branch leaves the prior, and by more than the noise: so does u - 2 sigma(u) = (ab - 4 error) / b^2.
+        beyond = not (high2 <= limit2)
+        left = a * b - four * error
+        far = left > _F32(0) and left * left * (s2 * s2) > (limit2 - s2) * c2 * (b * b) * (b * b)
+        excluded = beyond and far
+        # Both branches above the outside's index, or neither.
+        both = a * c2 < b * s2 or a * s2 < b * c2
+        # Nearer to the expected in the logarithm is the lower where expected^2 is below the product.
+        low = excluded or (both and (beyond or high2 * low2 > fourth))
+
+        top, bottom = (1 - root, 1 + root) if low else (1 + root, 1 - root)
+        found = math.sqrt(sin2 + sin2 * sin2 * (top * top) / (cos2 * (bottom * bottom)))
+        num, den = (b, a) if low else (a, b)
+        deviation = two * (s2 * s2) * num * error / (c2 * (den * den * den) * _F32(found))
         clipped = beyond and not low
         found = largest if clipped else found
         # Below the lower branch all is total reflection, r = 1.
-        wide = clipped or (low and r + 2 * spread > 1) or not (deviation <= WIDE * found)
+        wide = clipped or (low and r + two * spread > one) or not (deviation <= _F32(WIDE) * _F32(found))
         wide = wide or found < smallest
         parallel = not (det > _PARALLEL * a11 * a22)
         dark = not (x > 0 and x * x >= _LIGHT * det * a22)
@@ -211,11 +215,10 @@ def _solve(
         code = _NOT_IDENTIFIED if wide else code
         code = _NO_LIGHT if dark else code
         code = _TOO_FEW if parallel or readings < 2 else code
-        code = reason[i] if reason[i] > 0 else code
-        missing = code >= 10
-        eta[i] = np.float32(math.nan) if missing else np.float32(found * exterior)
-        sigma[i] = np.float32(math.nan) if missing else np.float32(deviation * exterior)
-        rest = max(f[_C + i] - gained * gained / normal, 0.0)
-        chi2[i] = np.float32(math.nan) if missing else np.float32(rest)
-        dof[i] = 0 if missing else np.uint16(readings - 2)
-        status[i] = code
+        code = f[_CODE + i] if f[_CODE + i] > 0 else code
+        missing = code >= _FIRST_REASON
+        f[_ETA + i] = math.nan if missing else found * exterior
+        f[_SIGMA + i] = math.nan if missing else deviation * exterior
+        f[_CHI2 + i] = math.nan if missing else rest
+        f[_DOF + i] = 0.0 if missing else readings - 2
+        f[_CODE + i] = code

@@ -71,6 +71,7 @@ def descend(
     cell_view: IntArray,
     cell_gain: IntArray,
     gains: int,
+    crossed: bool,
     theta: Float32Array,
     cos_2s: Float32Array,
     sin_2s: Float32Array,
@@ -137,7 +138,7 @@ def descend(
         for p in range(len(etas) * len(ks) if any_active else 0):
             eta, k = etas[p // len(ks)], ks[p % len(ks)]
             line = grid[p * B : (p + 1) * B]
-            objective(cells, cell_view, cell_gain, gains, angles, total, eta, k, jet, of_gains, line)
+            objective(cells, cell_view, cell_gain, gains, crossed, angles, total, eta, k, jet, of_gains, line)
         best = np.full(3 * STARTS * B, math.inf)
         _lowest(grid, etas, ks, best)
         minima = np.empty(STARTS * MINIMUM * B)
@@ -155,6 +156,7 @@ def descend(
                 cell_view,
                 cell_gain,
                 gains,
+                crossed,
                 angles,
                 total,
                 starting,
@@ -187,6 +189,7 @@ def descend(
                 cell_view,
                 cell_gain,
                 gains,
+                crossed,
                 angles,
                 total,
                 minima,
@@ -258,6 +261,7 @@ def _limits(
     cell_view: IntArray,
     cell_gain: IntArray,
     gains: int,
+    crossed: bool,
     angles: FloatArray,
     total: FloatArray,
     minima: FloatArray,
@@ -277,7 +281,7 @@ def _limits(
     for i in range(B):
         eta[i], limit[i] = minima[which[i] * MINIMUM * B + i], 0.1
     for _ in range(_LIMIT_ROUNDS):
-        evaluate(cells, cell_view, cell_gain, gains, angles, total, eta, limit, jet, of_gains, there)
+        evaluate(cells, cell_view, cell_gain, gains, crossed, angles, total, eta, limit, jet, of_gains, there)
         for i in range(B):
             h11, h12, h22 = there[CURVE_11 + i], there[CURVE_12 + i], there[CURVE_22 + i]
             left = h22 - h12 * h12 / h11 if h11 > 0 else h22
@@ -292,6 +296,7 @@ def _descend(
     cell_view: IntArray,
     cell_gain: IntArray,
     gains: int,
+    crossed: bool,
     angles: FloatArray,
     total: FloatArray,
     active: NDArray[np.bool_],
@@ -320,6 +325,7 @@ def _descend(
             cell_view,
             cell_gain,
             gains,
+            crossed,
             angles,
             total,
             state[_ETA_TO : _ETA_TO + B],

@@ -19,8 +19,11 @@ Model = Literal["dielectric", "conductor"]
 # Decides between two eta above 1 that fit equally: glasses and plastics are near it.
 EXPECTED_ETA = 1.5
 
-# Of the grid: steps of eta over the prior, for a dielectric and a conductor; k.
-_ETA_STEPS, _K = (24, 10), (0.0, 0.15, 0.6, 1.5, 3.2, 7.0)
+# The grid: steps of eta over the prior for a dielectric; for a conductor steps of eta, and k.
+_ETAS = 24
+_COARSE = 10, (0.0, 0.15, 0.6, 1.5, 3.2, 7.0)
+# At one angle and one gain two points may fit equally that lie close together.
+_FINE = 20, (0.0, 0.1, 0.25, 0.5, 0.9, 1.4, 2.0, 2.8, 3.8, 5.2, 7.0, 10.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,7 +67,7 @@ def estimate(
     reason : uint8, shape (n,)
         Codes of `Status` from 10 on of pixels that are not to be estimated, which they keep; 0 of the others.
     expected_eta : float
-        Relative to vacuum; decides between two eta of equal likelihood, where the pixel is AMBIGUOUS.
+        Relative to vacuum; decides between points of equal likelihood, where the pixel is AMBIGUOUS.
 
     Raises
     ------
@@ -161,6 +164,8 @@ def _descended(
     n, around = rows.values.shape[1], rows.exterior_ior
     found = np.empty((6 if free_k else 3, n), dtype=np.float32)
     dof, status = np.empty(n, dtype=np.uint16), np.empty(n, dtype=np.uint8)
+    of_conductor = _FINE if len(cells.view) == 1 else _COARSE
+    etas, ks = of_conductor if free_k else (_ETAS, (0.0,))
     descend(
         rows.values,
         rows.variance,
@@ -169,12 +174,13 @@ def _descended(
         cells.view,
         cells.gain,
         cells.gains,
+        bool(rows.light[:, 2:].any()),
         rows.theta,
         rows.cos_2s,
         rows.sin_2s,
         reason,
-        np.geomspace(*ETA_PRIOR, _ETA_STEPS[free_k]) / around,
-        np.array(_K if free_k else _K[:1]),
+        np.geomspace(*ETA_PRIOR, etas) / around,
+        np.array(ks) / around,
         np.array([*ETA_PRIOR, K_PRIOR[1]]) / around,
         expected,
         free_k,

@@ -75,7 +75,9 @@ def test_a_dielectric_equals_the_single_fit(name, make, alone, deviance):
 def test_a_conductor_equals_the_single_fit(name, make, alone, deviance):
     theta, (eta, k), optics = CONDUCTORS[name]
     found = held_to_single_fits(make(theta, COUNT, eta, k, **optics), "conductor", alone, deviance)
-    assert np.all(found.status <= Status.UPPER_LIMIT)
+    assert np.all(found.status != Status.NOT_CONVERGED)
+    # One angle behind one retarder: two numbers, and often two pairs of eta and k that give them.
+    assert len(theta) == 1 or np.all(found.status <= Status.UPPER_LIMIT)
 
 
 def test_missing_readings_are_as_if_never_taken(make, alone, deviance):
