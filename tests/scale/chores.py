@@ -56,3 +56,14 @@ def surroundings() -> dict[str, object]:
         "pid": os.getpid(),
         "threads": (os.environ.get("OMP_NUM_THREADS"), numba.get_num_threads()),
     }
+
+
+def fit_or_die(source: Path, folder: Path, options: object) -> object:
+    """As ``fit_sample``, but for s2, amid whose results the worker dies."""
+    from reflectance_fit.workflow_batch import Options, fit_sample
+
+    assert isinstance(options, Options)
+    if folder.name == "s2":
+        (folder.parent / ".unfinished.s2").mkdir(exist_ok=True)
+        die()
+    return fit_sample(source, folder, options)
