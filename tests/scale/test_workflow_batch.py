@@ -151,6 +151,25 @@ def test_results_that_are_gone_are_made_again(inputs, tmp_path, lost):
     assert (out / "s1" / lost).exists()
 
 
+def test_results_that_were_half_replaced_are_vouched_for_by_nothing(inputs, tmp_path, monkeypatch):
+    """A run dies amid new results of a changed file; the file becomes what it was."""
+    out, scan = tmp_path / "out", inputs / "s0/scan.csv"
+    run(out, inputs / "s0")
+    first = scan.read_text()
+    append(scan, "\n")
+
+    def half(source, folder, **options):
+        (folder / "report.yaml").write_text("of the changed file")
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(workflow_batch, "fit_to_folder", half)
+        with pytest.raises(KeyboardInterrupt):
+            run(out, inputs / "s0")
+    scan.write_text(first)
+    assert run(out, inputs / "s0").fitted == 1
+
+
 @pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"version": 1, "options": 2, "inputs": 3}'])
 def test_a_record_that_says_nothing_is_none(inputs, tmp_path, text):
     out = tmp_path / "out"
