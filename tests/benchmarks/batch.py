@@ -13,12 +13,13 @@ from scale_cluster import cluster
 from scale_samples import write_samples
 
 from reflectance_fit.scale.executors import Executor, Task, cores, executor
+from reflectance_fit.scale.processes import Processes
 from reflectance_fit.workflow import fit_to_folder
-from reflectance_fit.workflow_batch import Options, batch
+from reflectance_fit.workflow_batch import Options, batch, fit_sample
 
 OPTIONS = Options(posterior="laplace", plots=False)
-WORKERS = (1, 2)
 EMPTY = 500
+WARM = 8  # samples, so that every worker has had some
 MOST_OVERHEAD = 0.05
 
 
@@ -35,7 +36,7 @@ def figures(*, full: bool) -> Iterator[Figure]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         inputs = write_samples(folder / "in", count)
-        _fits(inputs, folder / "warm", 4)
+        _fits(inputs, folder / "compiled", 4)
         # One after the other within each round, so that other load falls on both alike.
         rounds = [
             (_fits(inputs, folder / f"f{i}", count), _batch(inputs, folder / f"b{i}")) for i in range(runs)
@@ -51,37 +52,37 @@ def figures(*, full: bool) -> Iterator[Figure]:
         )
         again = statistics.median(_batch(inputs, folder / "b0") for _ in range(runs)) / count
         yield Figure.reported("batch, a sample that is done already", f"{1e3 * again:.2f} ms")
-        yield from _executors("processes", {n: (n, None) for n in WORKERS}, inputs, folder, runs)
-        yield from _on_dask(inputs, folder, runs)
+        with Processes(1) as one, Processes(2) as two:
+            yield from _one_and_two("our processes", one, two, inputs, folder, runs)
+        (folder / "dask1").mkdir()
+        (folder / "dask2").mkdir()
+        with (
+            cluster(folder / "dask1", 1) as (file1, _),
+            cluster(folder / "dask2", 2) as (file2, _),
+            executor(scheduler=str(file1)) as one,
+            executor(scheduler=str(file2)) as two,
+        ):
+            yield from _one_and_two("Dask's workers", one, two, inputs, folder, runs)
 
 
-def _on_dask(inputs: Path, folder: Path, runs: int) -> Iterator[Figure]:
-    for workers in WORKERS:
-        place = folder / f"dask{workers}"
-        place.mkdir()
-        with cluster(place, workers) as (file, _):
-            yield from _executors("Dask", {workers: (None, str(file))}, inputs, folder, runs)
-
-
-def _executors(
-    kind: str, given: dict[int, tuple[int | None, str | None]], inputs: Path, folder: Path, runs: int
+def _one_and_two(
+    kind: str, one: Executor, two: Executor, inputs: Path, folder: Path, runs: int
 ) -> Iterator[Figure]:
-    """Samples a second and the time of a task that does nothing, with so many workers."""
-    from reflectance_fit.scale.processes import Processes
-
-    for workers, (_, scheduler) in given.items():
-        with executor(scheduler=scheduler) if scheduler else Processes(workers) as run:
-            _samples(run, inputs, folder / f"{kind}{workers}warm")
-            times = [_samples(run, inputs, folder / f"{kind}{workers}-{i}") for i in range(runs)]
-            seconds = statistics.median(times) / len(list(inputs.iterdir()))
-            yield Figure.reported(
-                f"batch on {workers} {kind} worker{'s' * (workers > 1)}, a sample", f"{1e3 * seconds:.0f} ms"
-            )
-            empty = statistics.median(_empty(run) for _ in range(runs)) / EMPTY
-            yield Figure.reported(
-                f"{kind}, {workers} worker{'s' * (workers > 1)}, a task that does nothing",
-                f"{1e3 * empty:.2f} ms",
-            )
+    """One worker beside two, in turn, so that other load falls on both alike; and tasks that do nothing."""
+    for run in (one, two):
+        _samples(run, inputs, Path(tempfile.mkdtemp(dir=folder)), WARM)
+    rounds = [
+        [_samples(run, inputs, Path(tempfile.mkdtemp(dir=folder))) for run in (one, two)] for _ in range(runs)
+    ]
+    count = len(list(inputs.iterdir()))
+    single, double = (1e3 * statistics.median(times) / count for times in zip(*rounds, strict=True))
+    faster = statistics.median(a / b for a, b in rounds)
+    empty = [1e3 * statistics.median(_empty(run) for _ in range(runs)) / EMPTY for run in (one, two)]
+    yield Figure.reported(f"batch on 1 of {kind}, a sample", f"{single:.0f} ms")
+    yield Figure.reported(f"batch on 2 of {kind}, a sample", f"{double:.0f} ms, {faster:.2f} times as fast")
+    yield Figure.reported(
+        f"{kind}, a task that does nothing", f"{empty[0]:.2f} ms with 1, {empty[1]:.2f} ms with 2"
+    )
 
 
 def _fits(inputs: Path, out: Path, count: int) -> float:
@@ -101,10 +102,9 @@ def _batch(inputs: Path, out: Path) -> float:
     return time.perf_counter() - started
 
 
-def _samples(run: Executor, inputs: Path, out: Path) -> float:
-    from reflectance_fit.workflow_batch import fit_sample
-
-    places = sorted(inputs.iterdir())
+def _samples(run: Executor, inputs: Path, out: Path, count: int | None = None) -> float:
+    """Seconds of the first ``count`` samples, or all, as ``batch`` would run them."""
+    places = sorted(inputs.iterdir())[:count]
     started = time.perf_counter()
     tasks = (Task(p.name, fit_sample, (p / "measurement.yaml", out / p.name, OPTIONS)) for p in places)
     failed = [outcome.failure for outcome in run.run(tasks) if outcome.failure]
