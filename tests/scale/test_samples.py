@@ -60,6 +60,12 @@ def test_samples_of_one_name_get_longer_ones(tmp_path, monkeypatch):
     assert [sample.name for sample in found] == ["lab1__s__measurement", "lab2__s__measurement", "t"]
 
 
+def test_names_that_differ_in_case_alone_are_one_folder_on_some_machines(tmp_path):
+    make(tmp_path, "Gold/measurement.yaml", "gold/measurement.yaml", "GOLD.capture.yaml")
+    found = names(tmp_path)
+    assert len({name.casefold() for name in found}) == 3
+
+
 def test_capture_and_measurement_side_by_side(tmp_path):
     make(tmp_path, "a/measurement.yaml", "a/capture.yaml")
     assert len(names(tmp_path)) == 2
