@@ -39,8 +39,8 @@ def batch(
     Example:
 
     \b
-        reflectance-fit batch samples -o results --no-plots
-        reflectance-fit batch a/measurement.yaml b/measurement.yaml -o results --posterior laplace --no-plots
+        reflectance-fit batch samples -o results
+        reflectance-fit batch samples/a samples/b/measurement.yaml -o results --posterior laplace --jobs 2
     """
     from reflectance_fit.workflow_batch import Options, batch
 

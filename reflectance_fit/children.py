@@ -37,6 +37,11 @@ class Child:
         self.connection.close()
 
 
+def is_worker() -> bool:
+    """Whether this process has one core, of which other workers have the others."""
+    return os.environ.get("NUMBA_NUM_THREADS") == "1"
+
+
 def start(module: str) -> Child:
     """Start a process with one thread that calls ``serve(descriptor)`` of ``module`` with its end of the pipe."""
     ours, theirs = Pipe()

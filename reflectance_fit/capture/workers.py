@@ -42,13 +42,13 @@ class RawWorkers:
     Parameters
     ----------
     workers : int, optional
-        How many at most; by default one a core, up to 8.
+        How many at most; by default one a core, up to 8; one in a process that is itself a worker.
     timeout_s : float
         Wall time for one frame, decoding and reducing, in seconds.
     """
 
     def __init__(self, workers: int | None = None, *, timeout_s: float = 60.0) -> None:
-        self._limit = workers or min(_MOST, os.cpu_count() or 1)
+        self._limit = workers or (1 if children.is_worker() else min(_MOST, os.cpu_count() or 1))
         self._timeout_s = timeout_s
         self._idle: list[_Worker] = []
 

@@ -46,6 +46,8 @@ class Cluster:
                 threads_per_worker=1,
                 host="127.0.0.1",
                 dashboard_address=None,
+                # A port for its state is opened in any case: on this machine only, and any that is free.
+                scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
                 env={"NUMBA_NUM_THREADS": "1"},  # Dask sets those of the linear algebra itself
             )
         self._client = self._connect(distributed.Client, distributed.Security())

@@ -20,7 +20,7 @@ LAYERS = (
     {"physics"},
     {"observations", "examination", "material", "materials", "priors", "result", "errors", "strict_yaml"}
     | {"files", "inputs", "manifests", "measured", "nuisances", "observations_columns", "observations_file"}
-    | {"children", "views", "yaml_edit", "map_columns"},
+    | {"children", "samples", "views", "yaml_edit", "map_columns"},
     {"measurement", "capture", "inference", "report", "plot", "data_synthetic", "render", "scale", "pixels"},
     {"workflow", "workflow_schlick", "workflow_plan", "workflow_board", "workflow_ingest", "planning"}
     | {"workflow_render", "workflow_batch", "workflow_map", "mapping", "map_rows"},

@@ -33,6 +33,11 @@ def die(signal_number: int = signal.SIGKILL) -> None:
     time.sleep(60)
 
 
+def interrupted() -> str:
+    os.kill(os.getpid(), signal.SIGINT)
+    return "still here"
+
+
 def die_at_first(marks: Path, name: str, times: int) -> str:
     """Kill the worker ``times`` times, then give ``name``; a file a time counts."""
     count = len(list(marks.glob(f"{name}.*")))
@@ -52,7 +57,21 @@ def sleep(seconds: float, mark: Path | None = None) -> float:
 def surroundings() -> dict[str, object]:
     import numba
 
+    from reflectance_fit.capture.workers import RawWorkers
+
     return {
+        "decoders": RawWorkers()._limit,
         "pid": os.getpid(),
         "threads": (os.environ.get("OMP_NUM_THREADS"), numba.get_num_threads()),
     }
+
+
+def fit_or_die(source: Path, folder: Path, options: object) -> object:
+    """As ``fit_sample``, but for s2, amid whose results the worker dies."""
+    from reflectance_fit.workflow_batch import Options, fit_sample
+
+    assert isinstance(options, Options)
+    if folder.name == "s2":
+        (folder.parent / ".unfinished.s2").mkdir(exist_ok=True)
+        die()
+    return fit_sample(source, folder, options)

@@ -4,6 +4,8 @@ from pathlib import Path
 
 import pytest
 
+sys.path.append(str(Path(__file__).parents[1] / "scorecard"))
+
 
 @pytest.fixture(scope="session")
 def chores():

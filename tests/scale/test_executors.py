@@ -85,6 +85,12 @@ def test_a_task_is_tried_three_times(processes, chores, tmp_path):
     assert [len(list(tmp_path.glob(f"{n}.*"))) for n in range(5)] == [1, 2, 3, 3, 3]
 
 
+def test_an_interrupt_is_the_parents_to_handle(processes, chores):
+    """A terminal sends it to the workers too; a task that it ended would count as one that kills its worker."""
+    (outcome,) = processes.run([Task("t", chores.interrupted, ())])
+    assert outcome.value == "still here"
+
+
 def test_two_run_at_a_time_and_workers_are_kept(processes, chores):
     first = {o.value["pid"] for o in processes.run(Task(f"{i}", chores.surroundings, ()) for i in range(6))}
     start = time.monotonic()
@@ -98,6 +104,11 @@ def test_two_run_at_a_time_and_workers_are_kept(processes, chores):
 def test_a_worker_has_one_thread(processes, chores):
     (outcome,) = processes.run([Task("t", chores.surroundings, ())])
     assert outcome.value["threads"] == ("1", 1)
+    assert outcome.value["decoders"] == 1
+
+
+def test_the_command_itself_decodes_on_every_core(chores):
+    assert chores.surroundings()["decoders"] == min(8, os.cpu_count() or 1)
 
 
 def test_tasks_are_read_as_workers_become_free(processes, chores):
