@@ -96,7 +96,7 @@ class Serial:
 
 
 def executor(
-    jobs: int | None = None, scheduler: str | None = None, *, insecure: bool = False
+    jobs: int | None = None, scheduler: str | None = None, insecure: bool = False
 ) -> AbstractContextManager[Executor]:
     """What runs tasks until its ``with`` block ends.
 
