@@ -8,14 +8,13 @@ import re
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from card import Figure
-from scale_cluster import cluster
+from scale_cluster import Killer, cluster
 from scale_samples import write_samples
 
 SAMPLES, AGAIN, ON_CLUSTER = 1000, 40, 12
@@ -148,7 +147,7 @@ def _on_a_cluster(inputs: Path, folder: Path) -> Iterator[Figure]:
         place = folder / f"dask-{workers}-{killed}"
         place.mkdir()
         with cluster(place, workers) as (file, _):
-            killer = _Killer(out) if killed else None
+            killer = Killer(lambda out=out: any(out.glob("*/batch.json"))) if killed else None
             ended = _run(inputs, "-o", out, "--scheduler", file)
             deaths = killer.stop() if killer else 0
         files = [
@@ -159,46 +158,6 @@ def _on_a_cluster(inputs: Path, folder: Path) -> Iterator[Figure]:
         value = f"{same} of {len(files)}" + (f", {deaths} deaths" if killed else "")
         good = ended.code == 0 and same == len(files) > ON_CLUSTER and deaths >= killed
         yield Figure.judged(name, value, "all, byte for byte", good)
-
-
-class _Killer:
-    """Kills a worker under a nanny every three seconds, three times, once results begin to come."""
-
-    def __init__(self, out: Path) -> None:
-        self._out, self._deaths = out, 0
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._work)
-        self._thread.start()
-
-    def stop(self) -> int:
-        self._ended.set()
-        self._thread.join()
-        return self._deaths
-
-    def _work(self) -> None:
-        while not self._ended.wait(0.05) and not list(self._out.glob("*/batch.json")):
-            pass
-        while self._deaths < 3 and not self._ended.is_set():
-            workers = [
-                pid for nanny in _children(os.getpid(), "dask") for pid in _children(nanny, "spawn_main")
-            ]
-            if workers:
-                os.kill(workers[self._deaths % len(workers)], signal.SIGKILL)
-                self._deaths += 1
-            self._ended.wait(3.0)
-
-
-def _children(parent: int, word: str) -> list[int]:
-    """Processes that ``parent`` started whose command line has ``word``."""
-    found = []
-    for place in Path("/proc").glob("[0-9]*"):
-        try:
-            status = (place / "stat").read_text().rpartition(")")[2].split()
-            if int(status[1]) == parent and status[0] != "Z" and word in (place / "cmdline").read_text():
-                found.append(int(place.name))
-        except OSError:
-            continue
-    return sorted(found)
 
 
 def _refused(folder: Path) -> Figure:
