@@ -7,26 +7,14 @@ from typing import Literal
 
 import click
 
-from .options import out_folder_option, output_options, resumable, seed_option
+from .options import fit_options, out_folder_option, output_options, resumable, seed_option
 
 
 @click.command()
 @click.argument("source", metavar="INPUT", type=click.Path(path_type=Path))
 @out_folder_option()
-@click.option(
-    "--model",
-    type=click.Choice(["auto", "dielectric", "conductor", "fixed_k", "fixed_eta"]),
-    default="auto",
-    show_default=True,
-    help="auto chooses by BIC whether k > 0 is needed, and nuisances where the input has no block; fixed_k and fixed_eta take the value in priors.",
-)
-@click.option(
-    "--posterior",
-    type=click.Choice(["emcee", "importance", "laplace"]),
-    help="How to sample. Default: emcee, and importance above 16 channels; where its own test fails, emcee.",
-)
+@fit_options
 @click.option("--resume", is_flag=True, help="Continue a run that was stopped, from what it left in DIR.")
-@click.option("--no-plots", is_flag=True, help="Write no pictures.")
 @click.option("--no-timings", is_flag=True, help="Leave wall-clock figures out of report.yaml.")
 @seed_option
 @output_options

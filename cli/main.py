@@ -9,7 +9,20 @@ import click
 
 from .options import ErrorHandlingGroup, output_options
 
-VERBS = ("demo", "synth", "ingest", "fit", "plan", "board", "schlick", "render", "materials", "schema")
+VERBS = (
+    "demo",
+    "synth",
+    "ingest",
+    "fit",
+    "plan",
+    "board",
+    "schlick",
+    "render",
+    "map",
+    "batch",
+    "materials",
+    "schema",
+)
 
 
 class LazyGroup(ErrorHandlingGroup):

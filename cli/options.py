@@ -165,6 +165,62 @@ seed_option = click.option(
 )
 
 
+def fit_options(command: Command) -> Command:
+    """``--model``, ``--posterior`` and ``--no-plots``."""
+    for option in (
+        click.option("--no-plots", is_flag=True, help="Write no pictures."),
+        click.option(
+            "--posterior",
+            type=click.Choice(["emcee", "importance", "laplace"]),
+            help="How to sample. Default: emcee, and importance above 16 channels; where its own test fails, emcee.",
+        ),
+        click.option(
+            "--model",
+            type=click.Choice(["auto", "dielectric", "conductor", "fixed_k", "fixed_eta"]),
+            default="auto",
+            show_default=True,
+            help="auto chooses by BIC whether k > 0 is needed, and nuisances where the input has no block; fixed_k and fixed_eta take the value in priors.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def executor_options(command: Command) -> Command:
+    """``--jobs``, ``--scheduler`` and ``--insecure-cluster``, of verbs with many tasks."""
+    for option in (
+        click.option(
+            "--insecure-cluster",
+            "insecure",
+            is_flag=True,
+            help="Let --scheduler be tcp:// to another machine: nothing is encrypted, anyone may answer.",
+        ),
+        click.option(
+            "--scheduler",
+            metavar="ADDRESS|FILE",
+            callback=_no_jobs_elsewhere,
+            help="Run on a Dask cluster: its tls:// or tcp:// address, the scheduler's file, or 'local'.",
+        ),
+        click.option(
+            "--jobs",
+            type=click.IntRange(1, 1024),
+            metavar="N",
+            is_eager=True,
+            help="Worker processes on this machine; 1: none but this one. Default: one a core.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def _no_jobs_elsewhere(ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:
+    if value not in (None, "local") and ctx.params.get("jobs") is not None:
+        raise click.UsageError(
+            "--jobs is for this machine; a cluster has the workers that were started for it"
+        )
+    return value
+
+
 def out_folder_option(default: str | None = None) -> Callable[[Command], Command]:
     """``-o DIR``, required unless it has a default."""
     # A default of None, even that, would make the option optional.

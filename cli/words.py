@@ -1,15 +1,19 @@
-"""Sentences on stdout about a render."""
+"""Sentences on stdout: about a render, about a batch."""
 
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from reflectance_fit.errors import printable
+from reflectance_fit.errors import Problem, ReflectanceFitError, printable
+
+from .options import is_quiet
 
 if TYPE_CHECKING:
+    from reflectance_fit.workflow_batch import Batch
     from reflectance_fit.workflow_render import Rendered
 
 
@@ -44,3 +48,22 @@ def print_rendered(rendered: Rendered) -> None:
     )
     for file in rendered.files:
         click.echo(f"wrote {file}")
+
+
+def print_batch(batch: Batch, folder: Path) -> None:
+    """How many samples came to what; raises ReflectanceFitError with a line for each that failed."""
+    failed = batch.failed
+    if not is_quiet():
+        before = len(batch.lines) - batch.fitted - len(failed)
+        click.echo(
+            f"{len(batch.lines)} samples: {batch.fitted} fitted, {before} as before, {len(failed)} failed"
+        )
+        click.echo(f"wrote {folder / 'summary.csv'}")
+        click.echo(f"wrote {folder / 'summary.yaml'}")
+    problems = []
+    for line in failed:
+        # Most reasons begin with the file.
+        known = str(line.failure).startswith(line.input)
+        problems.append(Problem(None if known else line.input, None, str(line.failure)))
+    if problems:
+        raise ReflectanceFitError(problems)

@@ -6,10 +6,14 @@ import errno
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from reflectance_fit.errors import Problem, ReflectanceFitError
+
+_STAGE = ".unfinished."
+_LOCK = ".lock"
 
 
 def write_together(
@@ -23,7 +27,7 @@ def write_together(
     is in ``folder`` stays.
     """
     # On the same file system as the target, so that moving is renaming.
-    stage = Path(tempfile.mkdtemp(prefix=".unfinished.", dir=_nearest_existing(folder)))
+    stage = Path(tempfile.mkdtemp(prefix=_STAGE, dir=_nearest_existing(folder)))
     try:
         fill(stage)
         files = sorted((p for p in stage.rglob("*") if p.is_file()), key=lambda p: (p.name == last, p))
@@ -59,6 +63,36 @@ def check_writable(folder: Path) -> None:
         reason = getattr(error, "strerror", None) or str(error)
         message = f"cannot write here: {reason}; choose another -o"
         raise ReflectanceFitError(Problem(str(folder), None, message)) from error
+
+
+@contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Hold ``folder``, made where it is not, for one run: another meets ReflectanceFitError.
+
+    The system lets go when the process ends, however it ends.  What killed
+    processes left unfinished in ``folder`` and the folders in it is removed,
+    before and after.
+    """
+    import fcntl
+
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / _LOCK).open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            message = "another run writes here; wait for it to end, or choose another -o"
+            raise ReflectanceFitError(Problem(str(folder), None, message)) from error
+        _sweep(folder)
+        try:
+            yield
+        finally:
+            _sweep(folder)
+
+
+def _sweep(folder: Path) -> None:
+    for pattern in (f"{_STAGE}*", f"*/{_STAGE}*"):
+        for stage in folder.glob(pattern):
+            shutil.rmtree(stage, ignore_errors=True)
 
 
 def _nearest_existing(path: Path) -> Path:

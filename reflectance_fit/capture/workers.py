@@ -1,26 +1,23 @@
 """Decode and reduce photographs in processes of their own: a file that kills its decoder costs that one file.
 
 Each worker has one job at a time, so a death, a hang or an error is known to
-be that job's and disturbs no other.  A worker is a plain subprocess and not
-one of multiprocessing's, which would import the program's main module: it
-imports the module of the job's function and what that needs.  For POSIX systems.
+be that job's and disturbs no other.  A worker imports the module of the job's
+function and what that needs.  For POSIX systems.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
-import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from multiprocessing.connection import Connection, Pipe, wait
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Concatenate, Self, TypeVar
 
+from reflectance_fit import children
 from reflectance_fit.errors import ReflectanceFitError
 
 T = TypeVar("T")
@@ -29,8 +26,6 @@ Job = tuple[Path, "Callable[Concatenate[Path, ...], T]", tuple[Any, ...]]
 # Each may hold a picture and LibRaw's copy of it.
 _MOST = 8
 _START_S = 60.0  # a machine may be busy; usually it takes a third of a second
-# One thread a worker: more would fight for the cores, and reserve address space that counts against the limit.
-ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,13 +42,13 @@ class RawWorkers:
     Parameters
     ----------
     workers : int, optional
-        How many at most; by default one a core, up to 8.
+        How many at most; by default one a core, up to 8; one in a process that is itself a worker.
     timeout_s : float
         Wall time for one frame, decoding and reducing, in seconds.
     """
 
     def __init__(self, workers: int | None = None, *, timeout_s: float = 60.0) -> None:
-        self._limit = workers or min(_MOST, os.cpu_count() or 1)
+        self._limit = workers or (1 if children.is_worker() else min(_MOST, os.cpu_count() or 1))
         self._timeout_s = timeout_s
         self._idle: list[_Worker] = []
 
@@ -121,25 +116,13 @@ class _Worker:
     deadline: float
 
     def __init__(self) -> None:
-        self.connection, theirs = Pipe()
-        # The path of this process: a job's function may come from anywhere on it.
-        code = (
-            f"import sys; sys.path[:] = {sys.path!r}\n"
-            f"from reflectance_fit.capture.worker import serve; serve({theirs.fileno()})"
-        )
-        with theirs:
-            self._process = subprocess.Popen(
-                [sys.executable, "-c", code],
-                pass_fds=[theirs.fileno()],
-                env=os.environ | ONE_THREAD,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-            )
+        self._child = children.start("reflectance_fit.capture.worker")
+        self.connection = self._child.connection
         self._up = False
 
     @property
     def alive(self) -> bool:
-        return self._process.poll() is None
+        return self._child.alive
 
     def give(self, number: int, job: Job[Any], timeout_s: float) -> None:
         """Hand over a job."""
@@ -161,10 +144,9 @@ class _Worker:
         try:
             message = self.connection.recv()
         except (EOFError, ConnectionResetError):
-            self._process.wait()
-            status = self._process.returncode
+            status = self._child.process.wait()
             self.end()
-            return self._failed(f"ended the process that decoded it ({_cause(status)})")
+            return self._failed(f"ended the process that decoded it ({children.cause(status)})")
         if message is None:
             self._up = True
             self.deadline = time.monotonic() + self._timeout_s
@@ -175,18 +157,9 @@ class _Worker:
         return (value,) if kind == "value" else self._failed(value)
 
     def end(self) -> None:
-        self._process.kill()
-        self._process.wait()
-        self.connection.close()
+        self._child.end()
 
     def _failed(self, reason: str) -> tuple[FrameError]:
         if not self._up:
             raise ReflectanceFitError("no process to decode photographs starts; is there memory left?")
         return (FrameError(self._path, reason),)
-
-
-def _cause(status: int) -> str:
-    """What ended a process, by the return code of Popen."""
-    if status == -signal.SIGKILL:
-        return "SIGKILL; perhaps the system is out of memory"
-    return signal.Signals(-status).name if -status in set(signal.Signals) else f"exit code {status}"

@@ -35,7 +35,7 @@ def report_yaml(report: Report) -> str:
         del data["sample"]["note"]
     if data["effort"]["seconds"] is None:
         del data["effort"]["seconds"]
-    return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=110)
+    return yaml.dump(data, Dumper=Dumper, sort_keys=False, allow_unicode=True, width=110)
 
 
 def approximations_yaml(material: Material, errors: list[SchlickError]) -> str:
@@ -58,7 +58,7 @@ def approximations_yaml(material: Material, errors: list[SchlickError]) -> str:
             rung.name: {"source": rung.source, "valid_for": rung.valid_for} for rung in LADDER
         },
     }
-    return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=110)
+    return yaml.dump(data, Dumper=Dumper, sort_keys=False, allow_unicode=True, width=110)
 
 
 def _without_absent(schlick: dict[str, Any]) -> dict[str, Any]:
@@ -70,16 +70,16 @@ def _without_absent(schlick: dict[str, Any]) -> dict[str, Any]:
     return kept(schlick) | {"approximations": [kept(row) for row in schlick["approximations"]]}
 
 
-class _Dumper(yaml.SafeDumper):
+class Dumper(yaml.SafeDumper):
     """Safe, with short number lists on one line."""
 
 
-def _sequence(dumper: _Dumper, items: list[object]) -> yaml.Node:
+def _sequence(dumper: Dumper, items: list[object]) -> yaml.Node:
     flow = all(isinstance(item, int | float) for item in items)
     return dumper.represent_sequence("tag:yaml.org,2002:seq", items, flow_style=flow)
 
 
-def _text(dumper: _Dumper, text: str) -> yaml.Node:
+def _text(dumper: Dumper, text: str) -> yaml.Node:
     try:
         float(text)
     except ValueError:
@@ -90,8 +90,8 @@ def _text(dumper: _Dumper, text: str) -> yaml.Node:
     return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=quotes)
 
 
-_Dumper.add_representer(list, _sequence)
-_Dumper.add_representer(str, _text)
+Dumper.add_representer(list, _sequence)
+Dumper.add_representer(str, _text)
 
 
 def write_text(text: str, path: Path) -> None:

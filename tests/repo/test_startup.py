@@ -143,7 +143,10 @@ def test_every_example_runs(example, inputs, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     if example[0] in ("fit", "ingest", "render"):
         shutil.copytree(inputs, tmp_path, dirs_exist_ok=True)
-    if example[0] == "fit":
+    if example[0] == "batch":
+        for name in ("a", "b"):
+            write_example(tmp_path / "samples" / name, "Au")
+    if example[0] in ("fit", "batch"):
         example = [*example, "--no-plots"]
     result = CliRunner().invoke(cli, example)
     assert result.exit_code == 0, result.output

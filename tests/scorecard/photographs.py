@@ -15,7 +15,7 @@ import photographs_real
 from card import Figure
 from photographs_scenes import FOCAL_PX, SIZE, start
 
-from reflectance_fit.capture.workers import ONE_THREAD
+from reflectance_fit.children import ONE_THREAD
 
 PROCESSES = 2
 PARTS = (photographs_geometry, photographs_polarization, photographs_camera, photographs_fits)
