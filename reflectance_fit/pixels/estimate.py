@@ -83,15 +83,15 @@ def estimate(
     --------
     >>> one = np.ones(1, dtype=np.float32)
     >>> rows = PixelRows(
-    ...     values=np.array([[120.08], [60.95], [1.83]], dtype=np.float32),
-    ...     variance=np.full((3, 1), 0.01, dtype=np.float32),
+    ...     values=np.array([[88.29], [44.59], [0.9]], dtype=np.float32),
+    ...     variance=np.full((3, 1), 0.1, dtype=np.float32),
     ...     view=np.zeros(3, dtype=np.int64), gain=np.zeros(3, dtype=np.int64),
     ...     light=np.tile([1.0, 0.0, 0.0, 0.0], (3, 1)), diattenuation=np.ones(3),
     ...     analyzer=np.radians([0.0, 45.0, 90.0]), retarder=np.full(3, np.nan), retardance=np.full(3, np.nan),
-    ...     theta=np.radians(60.0) * one[None], cos_2s=one[None], sin_2s=0 * one[None])
+    ...     theta=np.float32(np.radians(60.0)) * one[None], cos_2s=one[None], sin_2s=0 * one[None])
     >>> found = estimate(rows, "dielectric")
     >>> print(f"{found.eta[0]:.3f} +- {found.eta_sigma[0]:.3f}", Status(found.status[0]).name)
-    1.500 +- 0.000 AMBIGUOUS
+    1.500 +- 0.041 AMBIGUOUS
     """
     n = rows.values.shape[1]
     reason = np.zeros(n, dtype=np.uint8) if reason is None else reason

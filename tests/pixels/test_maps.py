@@ -88,6 +88,14 @@ def test_sigma_near_brewster_covers_both_sides(theta, make):
     assert np.median(found.eta_sigma[near]) < 0.2
 
 
+@pytest.mark.parametrize("snr", [100.0, 150.0, 200.0])
+def test_sigma_covers_on_the_way_to_brewster(snr, make):
+    """Where R_p is a few sigma, its root is far from normal."""
+    found = estimate(make([50.0], MANY, 1.5, 0.0, snr=snr), "dielectric")
+    share = np.mean(np.abs(found.eta - 1.5) <= 1.96 * found.eta_sigma)
+    assert share >= 0.95 - BAND
+
+
 def test_sigma_of_gauss_newton_covers(make):
     found = estimate(make([40.0, 65.0], MANY, 1.5, 0.0), "dielectric")
     share = np.mean(np.abs(found.eta - 1.5) <= 1.96 * found.eta_sigma)
