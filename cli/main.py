@@ -18,6 +18,7 @@ VERBS = (
     "board",
     "schlick",
     "render",
+    "map",
     "batch",
     "materials",
     "schema",

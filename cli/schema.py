@@ -9,13 +9,13 @@ from .options import output_options
 
 @click.command()
 @click.argument(
-    "name", type=click.Choice(["capture", "measurement", "observations", "report", "scene", "truth"])
+    "name", type=click.Choice(["capture", "map", "measurement", "observations", "report", "scene", "truth"])
 )
 @output_options
 def schema(name: str) -> None:
     """Print the schema of a file format, for editors and validators.
 
-    It is a JSON Schema for the YAML formats, a list of columns for observations.
+    It is a JSON Schema for the YAML formats, a list of variables for observations and maps.
 
     Example:
 

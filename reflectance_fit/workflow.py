@@ -26,6 +26,7 @@ from reflectance_fit.inference.ladder import METHODS, Method
 from reflectance_fit.inference.predict import predictor
 from reflectance_fit.inference.run import MODELS, fit_channel
 from reflectance_fit.inference.shared import share_dispersion
+from reflectance_fit.map_columns import map_schema
 from reflectance_fit.measured import Measurement, Note
 from reflectance_fit.measurement.manifest import Manifest
 from reflectance_fit.measurement.read import read_measurement
@@ -279,9 +280,9 @@ def _photographs(capture: Capture, progress: Progress | None) -> Measurement:
 
 
 def json_schema(name: str) -> dict[str, Any]:
-    """The JSON Schema of a YAML format, or the columns of OBS.nc; ``name`` is one of cli/schema.py."""
-    if name == "observations":
-        return observations_schema()
+    """The JSON Schema of a YAML format, or the variables of OBS.nc or MAP.nc; ``name`` is one of cli/schema.py."""
+    if name in ("observations", "map"):
+        return observations_schema() if name == "observations" else map_schema()
     models: dict[str, type[BaseModel]] = {
         "capture": CaptureManifest,
         "measurement": Manifest,

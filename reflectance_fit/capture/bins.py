@@ -118,6 +118,43 @@ class SphereBins(Ringed):
         return inside, theta, np.arctan2(up[inside], across[inside]) + math.pi / 2
 
 
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """Every cell of the sensor's pattern as a bin of its own: what a map is made of.
+
+    ``rows`` x ``columns`` cells of ``pitch`` x ``pitch`` sensor pixels, the
+    first pixel at (``left``, ``top``), a multiple of the pitch.  Bin number
+    ``row * columns + column``.  ``shares_gain`` where all that is compared
+    was seen by the same pixels, calibrated by the same flats.
+    """
+
+    left: int
+    top: int
+    pitch: int
+    rows: int
+    columns: int
+    shares_gain: bool = True
+
+    @property
+    def count(self) -> int:
+        """How many bins there are."""
+        return self.rows * self.columns
+
+    def box(self) -> Box:
+        """Rows and columns of sensor pixels."""
+        return (
+            slice(self.top, self.top + self.pitch * self.rows),
+            slice(self.left, self.left + self.pitch * self.columns),
+        )
+
+    def places(self, dx: float, dy: float) -> tuple[FloatArray, FloatArray]:
+        """x and y of what lies (``dx``, ``dy``) from the first pixel of each cell, shape (rows, columns)."""
+        x = self.left + dx + self.pitch * np.arange(self.columns, dtype=np.float64)
+        y = self.top + dy + self.pitch * np.arange(self.rows, dtype=np.float64)
+        across, down = np.meshgrid(x, y)
+        return across, down
+
+
 Bins = Region | AngleBins
 
 
@@ -130,6 +167,11 @@ class Shift:
 
     matrix: tuple[tuple[float, float], tuple[float, float]] = ((1.0, 0.0), (0.0, 1.0))
     offset: tuple[float, float] = (0.0, 0.0)
+
+    def forward(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Positions in this frame of positions in the first one."""
+        (a, b), (c, d) = self.matrix
+        return a * x + b * y + self.offset[0], c * x + d * y + self.offset[1]
 
     def back(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Positions in the first frame of positions in this one."""

@@ -45,6 +45,20 @@ def normal_of(pose: FloatArray) -> FloatArray:
     return -rotation_of(pose)[:, 2]
 
 
+def carried(
+    camera: Camera, board: FloatArray, other: FloatArray, height_mm: float, x: FloatArray, y: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Where a point above the board that one pose shows at pixels x, y is seen in another; poses of shape (6,)."""
+    rays = camera.rays(x, y)
+    turn = rotation_of(board)
+    # The ray times this length ends on the plane z = -height of the board's frame: z points into the paper.
+    normal = turn[:, 2]
+    length = (normal @ board[3:] - height_mm) / (rays @ normal)
+    places = (rays * length[..., None] - board[3:]) @ turn
+    seen = camera.pixels(places @ rotation_of(other).T + other[3:])
+    return seen[..., 0], seen[..., 1]
+
+
 class Bundle:
     """Residuals in standard deviations: corners of all views, then the priors."""
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.capture.bins import Bins, Region
+from reflectance_fit.capture.bins import Bins, Cells, Region
 from reflectance_fit.capture.frames import Capture, Exposure, Frame
 from reflectance_fit.capture.plane_means import PlaneMeans
 from reflectance_fit.capture.raw import Plane
@@ -64,7 +64,7 @@ class Calibrated:
 
     frame: Frame
     exposure: Exposure
-    bins: Bins
+    bins: Bins | Cells
     signals: dict[Plane, Signals]
 
     def of(self, channel: str) -> list[tuple[Plane, Signals]]:
@@ -83,7 +83,7 @@ def calibrate(
     capture: Capture,
     frame: Frame,
     exposure: Exposure,
-    bins: Bins,
+    bins: Bins | Cells,
     means: FrameMeans,
     darks: Sequence[FrameMeans],
     flats: Sequence[tuple[FrameMeans, float, Sequence[FrameMeans]]],
@@ -118,14 +118,14 @@ def calibrate(
             saturated = saturated | clipped.all(axis=0)
             value, variance, per_dn = value / level, variance / level**2, per_dn / level
             unlike = value**2 * np.sum(dark_enough * np.stack(noises), axis=0) / (count * level) ** 2
-        if isinstance(bins, Region):
+        if isinstance(bins, Region) or (isinstance(bins, Cells) and bins.shares_gain):
             unlike = np.zeros_like(value)
         signals[Plane(channel, plane.axis_deg)] = Signals(
             value=value,
             variance=variance + unlike,
             unlike=unlike,
             per_dn=per_dn,
-            pixels=own.pixels,
+            pixels=own.pixels.astype(np.int64),
             saturated=saturated,
             rejected=np.zeros(len(value), dtype=np.bool_),
             theta=np.mean([a.theta for a in angles], axis=0),
@@ -199,7 +199,10 @@ def _variance(means: PlaneMeans, noise: tuple[float, float]) -> FloatArray:
 
 
 def _flat(
-    flat: tuple[FrameMeans, float, Sequence[FrameMeans]], bins: Bins, plane: Plane, noise: tuple[float, float]
+    flat: tuple[FrameMeans, float, Sequence[FrameMeans]],
+    bins: Bins | Cells,
+    plane: Plane,
+    noise: tuple[float, float],
 ) -> tuple[FloatArray, FloatArray]:
     """A flat's level over the bins, DN per second, and its variance."""
     means, seconds, darks = flat

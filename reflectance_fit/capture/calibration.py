@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from reflectance_fit.capture.board import Board
-from reflectance_fit.capture.bundle import SHARED, Bundle, camera_of, normal_of, pose_of
+from reflectance_fit.capture.bundle import POSE, SHARED, Bundle, camera_of, normal_of, pose_of
 from reflectance_fit.capture.camera import Camera
 from reflectance_fit.capture.corners import MIN_CORNERS, Corners
 from reflectance_fit.capture.first_poses import first_camera, first_pose
@@ -46,12 +46,15 @@ class Calibration:
     camera : Camera
     normals : float, shape (V, 3)
         Of the board, towards the camera, in camera coordinates; NaN for a view that was left out.
+    boards : float, shape (V, 6)
+        The board's rotation vector and translation (mm) into the camera's frame; NaN likewise.
     noise_px : float
         Standard deviation of a corner's coordinate, raw pixels.
     """
 
     camera: Camera
     normals: FloatArray
+    boards: FloatArray
     noise_px: float
     _parameters: FloatArray
     _covariance: FloatArray
@@ -147,12 +150,13 @@ def calibrate_views(views: Sequence[Corners], board: Board, focal_px: float | No
     jacobian = fit.jacobian(found.x)
     covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=np.float64)
     slots: list[int | None] = [None] * len(views)
-    normals = np.full((len(views), 3), np.nan)
+    normals, boards = np.full((len(views), 3), np.nan), np.full((len(views), POSE), np.nan)
     for slot, i in enumerate(used):
         if kept[i] is not None:
             slots[i] = slot
-            normals[i] = normal_of(pose_of(found.x, slot))
-    return Calibration(camera_of(found.x), normals, noise, found.x, covariance, tuple(slots))
+            boards[i] = pose_of(found.x, slot)
+            normals[i] = normal_of(boards[i])
+    return Calibration(camera_of(found.x), normals, boards, noise, found.x, covariance, tuple(slots))
 
 
 def _alike(one: NDArray[np.bool_] | None, other: NDArray[np.bool_] | None) -> bool:

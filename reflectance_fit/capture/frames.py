@@ -72,9 +72,10 @@ class Ball:
 
 @dataclass(frozen=True, slots=True)
 class BoardSought:
-    """A flat sample on a board whose poses are still to be found."""
+    """A flat sample on a board whose poses are still to be found, ``height_mm`` above it."""
 
     board: Board
+    height_mm: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,12 +83,14 @@ class Pose:
     """What one photograph on a board shows of its sample.
 
     ``view`` is a number alike for photographs of one pose, ``normal`` that of
-    the sample, towards the camera; ``edges`` are the rings of the angle of
-    incidence that the region spans, radians.
+    the sample, towards the camera; ``board`` the board's rotation vector and
+    translation (mm) into the camera's frame; ``edges`` are the rings of the
+    angle of incidence that the region spans, radians.
     """
 
     view: int
     normal: Vector
+    board: tuple[float, ...]
     edges: tuple[float, ...]
 
 
@@ -95,12 +98,14 @@ class Pose:
 class OnBoard:
     """A flat sample on a board: the camera, and the pose of every sample frame that shows it.
 
-    ``common_sigma_deg`` is one standard deviation of what all angles are off by together.
+    ``common_sigma_deg`` is one standard deviation of what all angles are off by together,
+    ``height_mm`` that of the sample's surface above the board.
     """
 
     camera: Camera
     poses: Mapping[Path, Pose]
     common_sigma_deg: float
+    height_mm: float
 
 
 Geometry = Stated | Sphere | SphereSought | Ball | BoardSought | OnBoard

@@ -10,11 +10,13 @@ from pathlib import Path
 from reflectance_fit.capture.agreement import check_planes, check_sizes, unused_bits
 from reflectance_fit.capture.allowed import allowed_for
 from reflectance_fit.capture.balance import check_balance, check_cells
+from reflectance_fit.capture.bins import Mask, Shift
 from reflectance_fit.capture.brackets import merged
 from reflectance_fit.capture.calibrate import Calibrated
 from reflectance_fit.capture.decoding import Progress, decode, jobs_of, shifts_of
 from reflectance_fit.capture.first_looks import first_looks
 from reflectance_fit.capture.frames import Ball, Capture, Exposure, Sphere, flats_for
+from reflectance_fit.capture.geometry import bins_of
 from reflectance_fit.capture.linearity import nonlinear
 from reflectance_fit.capture.locate import locate
 from reflectance_fit.capture.observe import angle_rows, flat_rows
@@ -35,7 +37,8 @@ class Ingested:
     ``samples`` are the sample frames that were used, ``rejected`` maps the
     others' files to the reason, ``unused`` are darks and flats that serve no
     sample frame, ``settings`` every file's exposure and ISO, ``told`` what the
-    calibration frames say, a line each.
+    calibration frames say, a line each.  ``shifts`` says where frames of a view
+    show what its first frame shows; ``mask`` is what is left out of that.
     """
 
     capture: Capture
@@ -45,6 +48,8 @@ class Ingested:
     unused: frozenset[str]
     settings: dict[Path, Exposure]
     told: tuple[str, ...]
+    shifts: dict[Path, Shift]
+    mask: Mask | None
 
 
 def ingest(
@@ -90,7 +95,7 @@ def ingest(
         if references and not any(r.path in means for r in references):
             rejected.setdefault(frame.file, "has lost its reference")
     samples = [
-        compared(capture, frame, settings, means)
+        compared(capture, frame, settings, means, bins_of(capture, frame))
         for frame in capture.role("sample")
         if frame.file not in rejected
     ]
@@ -135,4 +140,6 @@ def ingest(
     used = set(jobs) | first.used | {frame.path for frame in capture.role("geometry")}
     unused = frozenset(f.file for f in capture.frames if f.path not in used and f.file not in rejected)
     told = (*first.told, *told_of_bits)
-    return Ingested(capture, measurement, tuple(samples), rejected, unused, settings, told)
+    return Ingested(
+        capture, measurement, tuple(samples), rejected, unused, settings, told, shifts, looked.mask
+    )

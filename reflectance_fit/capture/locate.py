@@ -49,7 +49,7 @@ def locate(capture: Capture, progress: Progress | None = None) -> tuple[Capture,
     """
     geometry = capture.geometry
     if isinstance(geometry, BoardSought):
-        return _on_board(capture, geometry.board, progress)
+        return _on_board(capture, geometry.board, geometry.height_mm, progress)
     if isinstance(geometry, SphereSought):
         return _sphere(capture, progress)
     if capture.focal_length_px is not None and isinstance(geometry, Stated | Sphere):
@@ -63,7 +63,9 @@ def locate(capture: Capture, progress: Progress | None = None) -> tuple[Capture,
     return capture, {}
 
 
-def _on_board(capture: Capture, board: Board, progress: Progress | None) -> tuple[Capture, dict[str, str]]:
+def _on_board(
+    capture: Capture, board: Board, height_mm: float, progress: Progress | None
+) -> tuple[Capture, dict[str, str]]:
     board.opencv()  # what is wrong with it is wrong for all photographs
     frames = {frame.path: frame for frame in capture.frames if frame.role in ("sample", "geometry")}
     found, rejected = _look(
@@ -98,7 +100,7 @@ def _on_board(capture: Capture, board: Board, progress: Progress | None) -> tupl
     # What all angles share is a nuisance of the fit; where the manifest forbids any, it widens each angle.
     shared = poses.common_sigma_deg if capture.nuisances == {} else 0.0
     updated = tuple(_with_angle(frame, poses, seen, boxes, shared) for frame in capture.frames)
-    geometry = OnBoard(poses.camera, seen, poses.common_sigma_deg)
+    geometry = OnBoard(poses.camera, seen, poses.common_sigma_deg, height_mm)
     common = {"angle_offset_deg": dict.fromkeys(capture.channels, poses.common_sigma_deg)}
     return (
         replace(capture, geometry=geometry, frames=updated, common_sigmas=capture.common_sigmas | common),
@@ -117,7 +119,7 @@ def _pose(poses: Poses[Path], path: Path, box: tuple[int, int, int, int]) -> Pos
     low, high = max(0.0, low - margin), high + margin
     rings = max(1, math.ceil((high - low) / _WIDEST_RING))
     edges = tuple(float(edge) for edge in np.linspace(low, high, rings + 1))
-    return Pose(poses.view[path], poses.normals[path], edges)
+    return Pose(poses.view[path], poses.normals[path], poses.boards[path], edges)
 
 
 def _with_angle(

@@ -28,9 +28,11 @@ class PixelMaps:
     offset: Image | None
     gain: Image | None
 
-    def above_black(self, dn: NDArray[np.uint16], where: tuple[slice, slice], black: float) -> Image:
+    def above_black(
+        self, dn: NDArray[np.uint16], where: tuple[slice, slice], black: float | NDArray[np.float64]
+    ) -> Image:
         """Corrected DN of the pixels ``dn`` at ``where``."""
-        level = np.float32(black) if self.offset is None else self.offset[where]
+        level = np.asarray(black, dtype=np.float32) if self.offset is None else self.offset[where]
         counts = dn.astype(np.float32) - level
         return counts if self.gain is None else counts * self.gain[where]
 

@@ -34,8 +34,8 @@ class PlaneMeans:
     s.  They are NaN for a Region.  Empty bins have NaN means.
     """
 
-    pixels: IntArray
-    saturated: IntArray
+    pixels: IntArray | FloatArray
+    saturated: IntArray | FloatArray
     mean: FloatArray
     theta: FloatArray
     theta_squared: FloatArray

@@ -30,8 +30,8 @@ _WORST_DEG = 0.5
 class Poses(Generic[Name]):
     """What the corners say.
 
-    ``normals`` and ``view`` are by photograph: the board's normal towards the
-    camera, and a number alike for those of one pose.  ``rejected`` has the
+    ``normals``, ``boards`` and ``view`` are by photograph: the board's normal towards the
+    camera, its rotation vector and translation (mm), and a number alike for those of one pose.  ``rejected`` has the
     reason of every photograph left out.  ``sigma_deg`` is the standard deviation of
     the angle of incidence of each view by its number, apart from
     ``common_sigma_deg``, that of an error which all views share.
@@ -39,6 +39,7 @@ class Poses(Generic[Name]):
 
     camera: Camera
     normals: dict[Name, tuple[float, float, float]]
+    boards: dict[Name, tuple[float, ...]]
     view: dict[Name, int]
     sigma_deg: dict[int, float]
     common_sigma_deg: float
@@ -101,6 +102,12 @@ def find_poses(
             for name in view
             if name not in rejected
         },
+        boards={
+            name: tuple(map(float, board))
+            for view, board in zip(views, fit.boards, strict=True)
+            for name in view
+            if name not in rejected
+        },
         view={name: i for i, view in enumerate(views) for name in view},
         sigma_deg=dict(zip(sampled, map(float, own), strict=True)),
         common_sigma_deg=common,
@@ -141,7 +148,8 @@ def _same_view(one: Corners, other: Corners) -> bool:
         return False
     _, first, second = np.intersect1d(one.ids, other.ids, assume_unique=True, return_indices=True)
     left = other.xy[second] - one.xy[first] - shift
-    return bool(np.sqrt(np.mean(left**2)) < _SAME_VIEW_PX)
+    # The median: one corner that was found in a wrong place must not part two photographs.
+    return bool(np.median(np.hypot(*left.T)) < _SAME_VIEW_PX)
 
 
 def _shift(one: Corners, other: Corners) -> FloatArray | None:

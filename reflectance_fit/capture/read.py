@@ -147,7 +147,8 @@ def _geometry(manifest: Manifest) -> Geometry:
     if geometry.charuco is not None:
         across, down = geometry.charuco.squares
         stated = geometry.charuco
-        return BoardSought(Board((across, down), stated.square_mm, stated.marker_mm, stated.dictionary))
+        board = Board((across, down), stated.square_mm, stated.marker_mm, stated.dictionary)
+        return BoardSought(board, stated.sample_offset_mm)
     return Stated(_or_nan(geometry.s_axis_deg))
 
 

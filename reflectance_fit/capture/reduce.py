@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from reflectance_fit.capture.bins import Bins, Box, Mask, Shift
+from reflectance_fit.capture.bins import Bins, Box, Cells, Mask, Shift
 from reflectance_fit.capture.dofp_cells import uneven_cells
 from reflectance_fit.capture.plane_means import PlaneMeans, plane_means
 from reflectance_fit.capture.raw import Plane, RawFrame
@@ -31,7 +31,7 @@ class FrameMeans:
     fail the test of ``uneven_cells``, and to all.
     """
 
-    bins: tuple[Bins, ...]
+    bins: tuple[Bins | Cells, ...]
     planes: tuple[dict[Plane, PlaneMeans], ...]
     noise: dict[str, tuple[float, float]] | None
     scatter: dict[Plane, tuple[float, float]]
@@ -41,7 +41,7 @@ class FrameMeans:
     unused_bits: int = 0
     uneven: dict[str, tuple[int, int]] = field(default_factory=dict)
 
-    def over(self, bins: Bins) -> dict[Plane, PlaneMeans]:
+    def over(self, bins: Bins | Cells) -> dict[Plane, PlaneMeans]:
         """The planes' means over one of ``bins``."""
         return self.planes[self.bins.index(bins)]
 

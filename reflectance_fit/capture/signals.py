@@ -6,19 +6,21 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 
-from reflectance_fit.capture.bins import Bins
+from reflectance_fit.capture.bins import Bins, Cells
 from reflectance_fit.capture.calibrate import Calibrated, calibrate
 from reflectance_fit.capture.frames import Capture, Exposure, Frame, darks_for, flats_for
-from reflectance_fit.capture.geometry import bins_of
 from reflectance_fit.capture.reduce import FrameMeans
 from reflectance_fit.capture.reference import references_for, relative_to
 
 
 def compared(
-    capture: Capture, frame: Frame, settings: Mapping[Path, Exposure], means: Mapping[Path, FrameMeans]
+    capture: Capture,
+    frame: Frame,
+    settings: Mapping[Path, Exposure],
+    means: Mapping[Path, FrameMeans],
+    bins: Bins | Cells,
 ) -> Calibrated:
-    """A sample frame's signals, over those of its references where there are any."""
-    bins = bins_of(capture, frame)
+    """A sample frame's signals over ``bins``, over those of its references where there are any."""
     sample = calibrated(capture, frame, settings, means, bins)
     references = [
         calibrated(capture, reference, settings, means, bins)
@@ -33,7 +35,7 @@ def calibrated(
     frame: Frame,
     settings: Mapping[Path, Exposure],
     means: Mapping[Path, FrameMeans],
-    bins: Bins,
+    bins: Bins | Cells,
 ) -> Calibrated:
     def darks(one: Frame) -> list[FrameMeans]:
         return [means[d.path] for d in darks_for(one, capture.frames, settings) if d.path in means]

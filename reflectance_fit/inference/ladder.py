@@ -76,7 +76,10 @@ def _proposed(
     if not components:
         raise Untrusted("no basin has a curvature to stand on")
     shear = shear_at(scores, log_density, max(components, key=lambda c: c.share))
-    components = [shear.carried(c) for c in components]
+    try:
+        components = [shear.carried(c) for c in components]
+    except np.linalg.LinAlgError as error:
+        raise Untrusted("a ridge is too steep to be straightened") from error
 
     def sheared(y: FloatArray) -> FloatArray:
         return log_density(shear.plain(y))

@@ -77,7 +77,9 @@ def foretell(model: Model, rows: Rows, basins: Sequence[Basin], seed: tuple[int,
     elpd, worst = np.full(len(rows.value), np.nan), -math.inf
     for i in np.flatnonzero(np.all(np.isfinite(given_others), axis=0)):
         # psislw smooths the weights of 1 / likelihood.
-        with np.errstate(divide="ignore", invalid="ignore"):  # k is infinite where one weight is all
+        with np.errstate(
+            divide="ignore", invalid="ignore", over="ignore"
+        ):  # k is infinite where one weight is all
             smoothed, k = array_stats.psislw(given_others[:, i] - log_weights)
         elpd[i] = logsumexp(smoothed + given_others[:, i]) - logsumexp(smoothed)
         worst = max(worst, float(k))

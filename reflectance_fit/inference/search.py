@@ -29,7 +29,7 @@ FloatArray = NDArray[np.float64]
 _STARTS, _CLOSED = 4, 2
 # Where there is doubt: the lowest of all points, and one of so many of the grid.
 _MORE, _EVERY = 40, 5
-_RIVAL, _WEAK = 1.0, 0.1
+_RIVAL, _WEAK, _MISFIT = 1.0, 0.1, 5.0
 # Minima whose objectives differ by no more may be one.
 _SAME = 1e-3
 
@@ -104,13 +104,20 @@ def _more(points: starts.Points, values: FloatArray) -> NDArray[np.int64]:
 def _doubtful(model: Model, rows: Rows, basins: list[optimize.Basin]) -> bool:
     """Whether there may be a lower minimum that the first starts missed.
 
-    So where basins rival each other, none has converged, or total reflection by next to no k puts a corner at every angle.
+    So where basins rival each other, none has converged, rows are five of their sigma off in the mean, or total
+    reflection by next to no k puts a corner at every angle.
     """
     if not basins or not basins[0].converged:
         return True
     if len(basins) > 1 and basins[1].objective - basins[0].objective < _RIVAL:
         return True
     vector = model.full(basins[0].x)[0]
+    chi2, _, _ = evaluate(
+        rows, vector, np.empty(len(rows.value)), np.empty(len(rows.value)), np.empty(rows.gains)
+    )
+    # Readings of many pixels are good to 1e-4: then the wrong side of Brewster's angle is a deep basin of its own.
+    if chi2 > _MISFIT**2 * len(rows.value):
+        return True
     return bool(vector[K] < _WEAK and vector[ETA] < rows.exterior_ior * np.abs(rows.sin_theta).max())
 
 

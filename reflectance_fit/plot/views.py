@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, PowerNorm
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
-from matplotlib.ticker import MaxNLocator
 
-from reflectance_fit.plot import style
+from reflectance_fit.plot import panels, style
 from reflectance_fit.plot.text import printable
 from reflectance_fit.views import FloatArray, ViewMaps
 
@@ -20,7 +17,6 @@ _WIDTH = 9.6  # inches: three pictures side by side
 _LEFT, _RIGHT, _GAP, _TOP, _BOTTOM = 0.62, 0.72, 1.05, 0.62, 0.5
 _PANEL = (_WIDTH - _LEFT - _RIGHT - 2 * _GAP) / 3
 _LOWEST, _TALLEST = 0.2, 1.3  # of a panel's height over its width
-_BESIDE = "#F2F2F2"
 _MASKS = ("#E69F00", "#CC79A7", "#D55E00", "#0072B2")
 # Below this degree of polarization its azimuth is that of noise.
 _NO_AZIMUTH = 0.02
@@ -70,16 +66,6 @@ def _extent(view: ViewMaps) -> tuple[float, float, float, float]:
     return left, left + columns * view.pitch, top + rows * view.pitch, top
 
 
-def _frame(ax: Axes, title: str) -> None:
-    ax.set_title(title, size=8.5)
-    ax.grid(visible=False)
-    ax.set_facecolor(_BESIDE)
-    ax.set_aspect("equal", adjustable="box")
-    for axis in (ax.xaxis, ax.yaxis):
-        axis.set_major_locator(MaxNLocator(4, integer=True))
-    ax.spines[["top", "right"]].set_visible(True)
-
-
 def _map(
     ax: Axes,
     view: ViewMaps,
@@ -100,10 +86,10 @@ def _map(
     # A ball's rim is ten times as bright as its middle.
     norm = PowerNorm(0.5 if low == 0.0 and colours == "gray" else 1.0, low, high)
     ax.imshow(values, cmap=colours, norm=norm, extent=_extent(view), interpolation="nearest")
-    _frame(ax, title)
-    _scale(ax, norm, colours)
+    panels.frame(ax, title)
+    panels.scale(ax, norm, colours)
     if not known.size:
-        _say(ax, "not determined\nby these views")
+        panels.say(ax, "not determined\nby these views")
 
 
 def _azimuth(ax: Axes, view: ViewMaps, shown: Any) -> None:
@@ -127,25 +113,6 @@ def _azimuth(ax: Axes, view: ViewMaps, shown: Any) -> None:
     _map(ax, view, azimuth, title, colours, shown, limits=limits)
 
 
-def _scale(ax: Axes, norm: PowerNorm, colours: str) -> None:
-    bar = ax.inset_axes((1.03, 0.0, 0.04, 1.0))
-    low, high = float(norm.vmin or 0.0), float(norm.vmax or 0.0)
-    bar.imshow(
-        np.linspace(low, high, 128)[:, None],
-        cmap=colours,
-        norm=norm,
-        extent=(0, 1, low, high),
-        aspect="auto",
-        origin="lower",
-        interpolation="nearest",
-    )
-    bar.grid(visible=False)
-    bar.xaxis.set_visible(False)
-    bar.yaxis.tick_right()
-    bar.yaxis.set_major_locator(MaxNLocator(5))
-    bar.tick_params(labelsize=7.5, length=2.5)
-
-
 def _angles(ax: Axes, view: ViewMaps, shown: Any) -> None:
     title = "angle of incidence (deg)"
     if view.theta.ndim:
@@ -162,8 +129,8 @@ def _angles(ax: Axes, view: ViewMaps, shown: Any) -> None:
         return
     flat = np.where(shown, 0.5, np.nan)
     ax.imshow(flat, cmap="cividis", vmin=0, vmax=1, extent=_extent(view), interpolation="nearest")
-    _frame(ax, title)
-    _say(ax, f"{np.degrees(float(view.theta)):.4g}°\nas stated, everywhere")
+    panels.frame(ax, title)
+    panels.say(ax, f"{np.degrees(float(view.theta)):.4g}°\nas stated, everywhere")
 
 
 def _contradictions(ax: Axes, view: ViewMaps, shown: Any) -> None:
@@ -171,8 +138,8 @@ def _contradictions(ax: Axes, view: ViewMaps, shown: Any) -> None:
     redundancy = view.stokes.redundancy
     if redundancy is None:
         ax.imshow(np.full(view.inside.shape, np.nan), extent=_extent(view), interpolation="nearest")
-        _frame(ax, title)
-        _say(ax, "three views contradict\nnothing; take a fourth")
+        panels.frame(ax, title)
+        panels.say(ax, "three views contradict\nnothing; take a fourth")
         return
     percent = np.where(view.inside, 100.0 * redundancy, np.nan)
     known = np.abs(percent[shown & np.isfinite(percent)])
@@ -188,7 +155,7 @@ def _masks(ax: Axes, view: ViewMaps) -> None:
         share = 100.0 * masked.sum() / max(1, view.inside.sum())
         if masked.any():
             legend.append((f"{reason} {share:.2g} %", _MASKS[number % len(_MASKS)]))
-    colours = [_BESIDE, "#BFD9E8", *_MASKS]
+    colours = [panels.BESIDE, "#BFD9E8", *_MASKS]
     ax.imshow(
         kind,
         cmap=ListedColormap(colours),
@@ -198,16 +165,6 @@ def _masks(ax: Axes, view: ViewMaps) -> None:
         interpolation="nearest",
     )
     used = 100.0 * (1.0 - np.any(list(view.masked.values()), axis=0).sum() / max(1, view.inside.sum()))
-    _frame(ax, f"used: {used:.4g} % of the sample")
+    panels.frame(ax, f"used: {used:.4g} % of the sample")
     if legend:
-        _legend(ax, legend)
-
-
-def _legend(ax: Axes, entries: Sequence[tuple[str, str]]) -> None:
-    handles = [Patch(color=colour, label=label, linewidth=0) for label, colour in entries]
-    ax.legend(handles=handles, loc="lower left", frameon=True, framealpha=0.85, edgecolor="none", fontsize=7)
-
-
-def _say(ax: Axes, words: str) -> None:
-    box = {"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 4.0}
-    ax.text(0.5, 0.5, words, transform=ax.transAxes, ha="center", va="center", size=8.5, bbox=box)
+        panels.legend(ax, legend)

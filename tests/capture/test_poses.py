@@ -98,6 +98,20 @@ def test_frames_that_a_polarizer_shifts_are_one_view_and_a_turned_board_is_anoth
     assert found_angles(poses, ["45 again 3"]) == pytest.approx({"45 again 3": true["45"]}, abs=0.05)
 
 
+def test_a_corner_found_in_a_wrong_place_does_not_part_photographs():
+    """A dark sample in the board's window gives false corners: 8 pixels off, and the mean of squares says turned."""
+    rng = np.random.default_rng(8)
+    stands = {f"{tilt:g}": pose(tilt, 0.0, np.zeros(3)) for tilt in TILTS}
+    views = {name: corners(*stand, rng) for name, stand in stands.items()}
+    second = corners(*stands["55"], rng)
+    xy = second.xy.copy()
+    xy[3] += (7.0, -4.0)
+    views["dark"] = Corners(second.ids, xy, second.shape)
+    poses = solve(views)
+    assert poses.view["dark"] == poses.view["55"]
+    assert len(set(poses.view.values())) == len(TILTS)
+
+
 def test_frames_of_another_set_are_another_view():
     rng = np.random.default_rng(7)
     views, _ = scene(rng)

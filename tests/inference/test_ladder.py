@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reflectance_fit.inference import importance, ladder, laplace, models, posterior, proposal, search
+from reflectance_fit.inference import importance, ladder, laplace, models, posterior, proposal, search, shear
 from reflectance_fit.inference.rows import gain_names, pack
 from reflectance_fit.observations import concatenate
 from reflectance_fit.physics.fresnel import reflectances
@@ -225,3 +225,18 @@ def test_what_nothing_feels_is_as_wide_as_its_range():
     assert second.mean() == pytest.approx(0, abs=error * 180 / np.sqrt(12))
     assert second.std() == pytest.approx(180 / np.sqrt(12), rel=error)
     assert drawn.x[..., 0].std() == pytest.approx(1e-9, rel=error)
+
+
+def test_a_ridge_too_steep_to_straighten_is_not_trusted(rows_of, priors, monkeypatch):
+    """Where two equations leave eta, k and sigma on a curve the sheared covariance may be singular to rounding."""
+
+    def singular(_shear, _component):
+        raise np.linalg.LinAlgError("Matrix is not positive definite")
+
+    monkeypatch.setattr(shear.Shear, "carried", singular)
+    o = rows_of(np.full(3, 50.0), "reflectance", [0.05, 0.06, 0.055], sigma=0.01)
+    rows = pack(o, 1.0)
+    model = models.build("dielectric", rows, priors, {}, [])
+    _, basins = search.find(model, rows, gain_names(o))
+    with pytest.raises(ladder.Untrusted, match="too steep"):
+        ladder._proposed(model, rows, basins, "laplace", (0,), min_ess=500)

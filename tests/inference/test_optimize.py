@@ -217,6 +217,33 @@ def test_noise_free_data_give_the_truth(rows_of, priors, eta, k, kind):
         assert optimum.dof == len(o) - len(model.names) - len(optimum.gains)
 
 
+@pytest.mark.parametrize("offset_deg", [0.2, -0.2])
+def test_readings_good_to_a_ten_thousandth_are_fitted_on_the_right_side_of_brewsters_angle(
+    rows_of, priors, offset_deg
+):
+    """Two tilts behind four analyzers, angles with errors: the wrong side is a basin that descents stay in."""
+    for eta in np.linspace(1.3, 2.0, 36):
+        tilts = []
+        for theta, roll in ((39.755, -0.488), (54.853, 0.22)):
+            analyzer = np.array([0.0, 45.0, 90.0, 135.0]) + roll
+            phi = np.radians(analyzer + offset_deg)
+            r = reflectances(np.cos(np.radians(theta)), eta)
+            signal = 0.5 * (r.s * np.cos(phi) ** 2 + r.p * np.sin(phi) ** 2)
+            seen = {"sigma": 5e-5 * np.sqrt(signal * signal.max()), "theta_sigma": 0.0026}
+            tilts.append(
+                rows_of(
+                    np.full(4, theta), "signal", signal, gain_group=f"{theta}", analyzer_deg=analyzer, **seen
+                )
+            )
+        o = concatenate(tilts)
+        rows = pack(o, 1.0)
+        known = {"angle_offset_deg": 0.0017, "analyzer_offset_deg": 1.0}
+        optimum, _ = search.find(models.build("dielectric", rows, priors, known, []), rows, gain_names(o))
+        # The offset of the analyzer costs (0.2 / 1)^2.
+        assert optimum.chi2 == pytest.approx(0.04, abs=0.01)
+        assert optimum.eta == pytest.approx(eta, abs=1e-4)
+
+
 def test_a_normal_prior_counts_as_a_datum(rows_of, priors):
     o = noise_free(rows_of, 1.5, 0.0, "goniometer")
     rows = pack(o, 1.0)

@@ -20,10 +20,10 @@ LAYERS = (
     {"physics"},
     {"observations", "examination", "material", "materials", "priors", "result", "errors", "strict_yaml"}
     | {"files", "inputs", "manifests", "measured", "nuisances", "observations_columns", "observations_file"}
-    | {"children", "samples", "views", "yaml_edit"},
-    {"measurement", "capture", "inference", "report", "plot", "data_synthetic", "render", "scale"},
+    | {"children", "samples", "views", "yaml_edit", "map_columns"},
+    {"measurement", "capture", "inference", "report", "plot", "data_synthetic", "render", "scale", "pixels"},
     {"workflow", "workflow_schlick", "workflow_plan", "workflow_board", "workflow_ingest", "planning"}
-    | {"workflow_render", "workflow_batch"},
+    | {"workflow_render", "workflow_batch", "workflow_map", "mapping", "map_rows"},
     {"demonstration"},
     {"cli"},
 )
@@ -38,9 +38,13 @@ HOMES = {
     "PIL": "reflectance_fit.plot",
     "click": "reflectance_fit.cli",
     "rich": "reflectance_fit.cli",
-    "h5netcdf": ("reflectance_fit.report.netcdf", "reflectance_fit.observations_file"),
+    "h5netcdf": (
+        "reflectance_fit.report.netcdf",
+        "reflectance_fit.report.map_file",
+        "reflectance_fit.observations_file",
+    ),
     "ruamel": ("reflectance_fit.strict_yaml", "reflectance_fit.yaml_edit"),
-    "OpenEXR": "reflectance_fit.render",
+    "OpenEXR": ("reflectance_fit.render", "reflectance_fit.report.map_file"),
     "rawpy": "reflectance_fit.capture.raw",
     "dask": "reflectance_fit.scale.cluster",
     "distributed": "reflectance_fit.scale.cluster",
@@ -106,8 +110,8 @@ def test_imports_point_one_way(module):
     ours = {part(name) for name in IMPORTS[module] if inside(name, "reflectance_fit")} - {here}
     assert {there for there in ours if RANK.get(there, 99) > RANK[here]} == set()
     if here in SIBLINGS:
-        # Synthetic captures are pictures that the renderer may make.
-        may = {"render"} if here == "data_synthetic" else set()
+        # Synthetic captures are pictures that the renderer may make; a pixel's equations are those of the fit.
+        may = {"data_synthetic": {"render"}, "pixels": {"inference"}}.get(here, set())
         assert ours & SIBLINGS <= may
 
 

@@ -1,0 +1,375 @@
+"""eta, and k where it is free, of every pixel by Gauss-Newton, compiled: many pixels a step.
+
+A grid over the whole prior has a few local minima, a damped Gauss-Newton descent in (eta, k^2) takes the lowest
+of them to theirs, and the lowest is the maximum of the likelihood with the gains at their
+best.  A lane that has arrived is left alone, and no sum runs over lanes: a pixel's bits do not depend on its
+neighbours in a block, on tiles or on threads.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import prange
+from numpy.typing import NDArray
+
+from reflectance_fit.physics.jit import inlined, threaded
+from reflectance_fit.pixels.closed_form import sin_cos
+from reflectance_fit.pixels.rows import Float32Array, FloatArray
+from reflectance_fit.pixels.status import Status
+from reflectance_fit.pixels.sums import (
+    CELL,
+    CHI2,
+    CURVE_11,
+    CURVE_12,
+    CURVE_22,
+    FOUND,
+    GAIN,
+    JET,
+    SLOPE_1,
+    SLOPE_2,
+    VIEW,
+    B,
+    IntArray,
+    accumulate,
+    evaluate,
+    objective,
+)
+from reflectance_fit.pixels.verdict import (
+    FLOOR,
+    MINIMUM,
+    ONE_SIDED,
+    STARTS,
+    chosen,
+    deviations,
+    reaches_zero,
+    status_of,
+)
+
+_UPPER_LIMIT, _TOO_FEW, _NO_LIGHT = int(Status.UPPER_LIMIT), int(Status.TOO_FEW), int(Status.NO_LIGHT)
+
+_STEPS = 60
+_DAMPING, _MOST_DAMPING = 1e-3, 1e12
+# As shares of sum w y^2: a step that promises no more of chi2 has arrived; the rounding of chi2.
+_REST, _ROUNDING = 1e-15, 1e-14
+# Light must lower chi2 by as much.
+_LIGHT = 9.0
+_LIMIT_ROUNDS = 8  # of a fixed point whose logarithm's error halves each time
+
+# Lines of a descent's state.
+_ETA, _SQUARE, _ETA_TO, _SQUARE_TO, _K_TO, _DAMP, _PROMISE = (i * B for i in range(7))
+_STATE = 7
+
+
+@threaded
+def descend(
+    values: Float32Array,
+    variance: Float32Array,
+    responses: FloatArray,
+    frame_cell: IntArray,
+    cell_view: IntArray,
+    cell_gain: IntArray,
+    gains: int,
+    crossed: bool,
+    theta: Float32Array,
+    cos_2s: Float32Array,
+    sin_2s: Float32Array,
+    reason: NDArray[np.uint8],
+    etas: FloatArray,
+    ks: FloatArray,
+    bounds: FloatArray,
+    expected: float,
+    free_k: bool,
+    found: Float32Array,
+    dof: NDArray[np.uint16],
+    status: NDArray[np.uint8],
+) -> None:
+    """Fill ``found`` (3 or 6, n): eta, sigma, chi2 and, with k free, k, sigma and correlation; ``dof`` and ``status``.
+
+    ``values``, ``variance`` are (m, n), ``responses`` (m, 4, 3).  Frame j belongs to cell ``frame_cell[j]``, which
+    has a view and a gain; gain number ``gains`` is that of reflectances.  ``etas`` and ``ks`` span the
+    grid, ``bounds`` are (eta low, eta high, k high); these and ``expected`` are relative to the outside, as is what is
+    filled.
+    """
+    m, n = values.shape
+    views = len(theta)
+    unknowns = 2 if free_k else 1
+    for block in prange((n + B - 1) // B):
+        first = block * B
+        count = min(B, n - first)
+        cells = np.zeros(len(cell_view) * CELL * B)
+        angles, total, number = np.empty(views * VIEW * B), np.zeros(B), np.zeros(B)
+        lit = np.zeros((gains + 1) * B)
+        for v in range(views):
+            for i in range(B):
+                at = first + min(i, count - 1) if theta.shape[1] > 1 else 0
+                s, c = sin_cos(np.float64(theta[v, at]))
+                angles[v * VIEW * B + i], angles[v * VIEW * B + B + i] = c, s
+        for j in range(m):
+            a = frame_cell[j]
+            v = cell_view[a]
+            end = first + count
+            each = cos_2s.shape[1] > 1
+            accumulate(
+                cells[a * CELL * B :],
+                total,
+                number,
+                lit[cell_gain[a] * B :],
+                values[j, first:end],
+                variance[j, first:end],
+                responses[j],
+                cos_2s[v, first:end] if each else cos_2s[v],
+                sin_2s[v, first:end] if each else sin_2s[v],
+            )
+        active, free = np.zeros(B, dtype=np.bool_), np.zeros(B)
+        for i in range(count):
+            taken = 0.0
+            for g in range(gains):
+                taken += 1.0 if lit[g * B + i] > 0 else 0.0
+            free[i] = number[i] - taken - unknowns
+            active[i] = reason[first + i] == 0 and free[i] >= 0
+        jet, of_gains = np.empty(JET * B), np.empty((gains + 1) * GAIN * B)
+        here, state = np.empty(FOUND * B), np.empty(_STATE * B)
+        any_active = False
+        for i in range(count):
+            any_active = any_active or active[i]
+        grid = np.full(len(etas) * len(ks) * B, math.inf)
+        for p in range(len(etas) * len(ks) if any_active else 0):
+            eta, k = etas[p // len(ks)], ks[p % len(ks)]
+            line = grid[p * B : (p + 1) * B]
+            objective(cells, cell_view, cell_gain, gains, crossed, angles, total, eta, k, jet, of_gains, line)
+        best = np.full(3 * STARTS * B, math.inf)
+        _lowest(grid, etas, ks, best)
+        minima = np.empty(STARTS * MINIMUM * B)
+        starting = np.zeros(B, dtype=np.bool_)
+        for z in range(STARTS):
+            lines = z * 3 * B
+            for i in range(B):
+                starting[i] = active[i] and best[lines + i] < math.inf
+                state[_ETA + i] = best[lines + B + i] if starting[i] else 1.0
+                state[_SQUARE + i] = (
+                    max(best[lines + 2 * B + i] ** 2, FLOOR) if free_k and starting[i] else 0.0
+                )
+            rested = _descend(
+                cells,
+                cell_view,
+                cell_gain,
+                gains,
+                crossed,
+                angles,
+                total,
+                starting,
+                bounds,
+                free_k,
+                jet,
+                of_gains,
+                here,
+                state,
+            )
+            at = z * MINIMUM * B
+            for i in range(B):
+                minima[at + i], minima[at + B + i] = state[_ETA + i], state[_SQUARE + i]
+                minima[at + 2 * B + i] = max(here[CHI2 + i], 0.0)
+                minima[at + 3 * B + i], minima[at + 4 * B + i] = here[CURVE_11 + i], here[CURVE_12 + i]
+                minima[at + 5 * B + i], minima[at + 6 * B + i] = here[CURVE_22 + i], rested[i]
+        which = np.zeros(B, dtype=np.int64)
+        for i in range(count):
+            which[i] = chosen(minima, i, free_k, expected) if active[i] else 0
+        limit = np.zeros(B)
+        bounded = False
+        for i in range(count if free_k else 0):
+            _, of_square, _ = deviations(minima, which[i], i, free_k)
+            bounded = bounded or (
+                active[i] and reaches_zero(minima[(which[i] * MINIMUM + 1) * B + i], of_square)
+            )
+        if bounded:
+            _limits(
+                cells,
+                cell_view,
+                cell_gain,
+                gains,
+                crossed,
+                angles,
+                total,
+                minima,
+                which,
+                bounds,
+                jet,
+                of_gains,
+                here,
+                limit,
+            )
+        for i in range(count):
+            at, z = first + i, which[i]
+            lines = z * MINIMUM * B + i
+            dark = total[i] - minima[lines + 2 * B] < _LIGHT or not (minima[lines + 2 * B] < math.inf)
+            if not active[i] or dark:
+                found[:, at], dof[at] = np.float32(math.nan), 0
+                missing = _TOO_FEW if free[i] < 0 else _NO_LIGHT
+                status[at] = reason[at] if reason[at] > 0 else missing
+                continue
+            of_eta, of_square, correlation = deviations(minima, z, i, free_k)
+            code = status_of(minima, z, i, free_k, bounds, (of_eta, of_square), limit[i])
+            found[0, at], found[1, at] = np.float32(minima[lines]), np.float32(of_eta)
+            found[2, at] = np.float32(minima[lines + 2 * B])
+            dof[at], status[at] = np.uint16(free[i]), code
+            if free_k:
+                k = math.sqrt(minima[lines + B]) if minima[lines + B] > FLOOR else 0.0
+                found[3, at] = np.float32(k)
+                found[4, at] = np.float32(
+                    (limit[i] - k) / ONE_SIDED if reaches_zero(k * k, of_square) else of_square / (2 * k)
+                )
+                found[5, at] = np.float32(correlation)
+
+
+@inlined
+def _lowest(grid: FloatArray, etas: FloatArray, ks: FloatArray, best: FloatArray) -> None:
+    """Each lane's lowest local minima of chi2 over the grid, lowest first: lines of chi2, eta and k for each start."""
+    rows, columns = len(etas), len(ks)
+    least = np.empty(B)
+    for a in range(rows):
+        for b in range(columns):
+            at = (a * columns + b) * B
+            least[:] = math.inf
+            for c in range(max(a - 1, 0), min(a + 2, rows)):
+                for d in range(max(b - 1, 0), min(b + 2, columns)):
+                    near = (c * columns + d) * B
+                    for i in range(B):
+                        value = grid[near + i]
+                        least[i] = min(least[i], value) if near != at else least[i]
+            for i in range(B):
+                value = grid[at + i] if grid[at + i] <= least[i] else math.inf
+                eta, k = etas[a], ks[b]
+                for z in range(STARTS):
+                    line = z * 3 * B + i
+                    lower = value < best[line]
+                    value, best[line] = (best[line] if lower else value), (value if lower else best[line])
+                    eta, best[line + B] = (
+                        (best[line + B] if lower else eta),
+                        (eta if lower else best[line + B]),
+                    )
+                    k, best[line + 2 * B] = (
+                        (best[line + 2 * B] if lower else k),
+                        (k if lower else best[line + 2 * B]),
+                    )
+
+
+@inlined
+def _limits(
+    cells: FloatArray,
+    cell_view: IntArray,
+    cell_gain: IntArray,
+    gains: int,
+    crossed: bool,
+    angles: FloatArray,
+    total: FloatArray,
+    minima: FloatArray,
+    which: IntArray,
+    bounds: FloatArray,
+    jet: FloatArray,
+    of_gains: FloatArray,
+    there: FloatArray,
+    limit: FloatArray,
+) -> None:
+    """Upper 95 % limits of k at each lane's minimum, from the curvature at the limit itself.
+
+    The curvature at k = 0 says nothing where readings feel k and not its square, as with a retarder.  L^2 = k^2 +
+    1.645 sigma(k^2 at L) is the limit where they feel the square, and twice as careful as need be where they feel k.
+    """
+    eta = np.empty(B)
+    for i in range(B):
+        eta[i], limit[i] = minima[which[i] * MINIMUM * B + i], 0.1
+    for _ in range(_LIMIT_ROUNDS):
+        evaluate(cells, cell_view, cell_gain, gains, crossed, angles, total, eta, limit, jet, of_gains, there)
+        for i in range(B):
+            h11, h12, h22 = there[CURVE_11 + i], there[CURVE_12 + i], there[CURVE_22 + i]
+            left = h22 - h12 * h12 / h11 if h11 > 0 else h22
+            square = minima[(which[i] * MINIMUM + 1) * B + i]
+            reach = square + (ONE_SIDED / math.sqrt(left) if left > 0 else math.inf)
+            limit[i] = min(max(math.sqrt(reach), 1e-6), bounds[2])
+
+
+@inlined
+def _descend(
+    cells: FloatArray,
+    cell_view: IntArray,
+    cell_gain: IntArray,
+    gains: int,
+    crossed: bool,
+    angles: FloatArray,
+    total: FloatArray,
+    active: NDArray[np.bool_],
+    bounds: FloatArray,
+    free_k: bool,
+    jet: FloatArray,
+    of_gains: FloatArray,
+    here: FloatArray,
+    state: FloatArray,
+) -> FloatArray:
+    """Take the active lanes from eta and k^2 of ``state`` to a minimum; 1 where one was reached.
+
+    ``here`` is what `evaluate` finds there.
+    """
+    rested, moving, there = np.zeros(B), np.zeros(B), np.empty(FOUND * B)
+    low, high, most = bounds[0], bounds[1], bounds[2] ** 2
+    for i in range(B):
+        moving[i] = 1.0 if active[i] else 0.0
+        state[_DAMP + i] = _DAMPING
+        state[_ETA_TO + i], state[_SQUARE_TO + i] = state[_ETA + i], state[_SQUARE + i]
+        state[_K_TO + i], state[_PROMISE + i] = math.sqrt(state[_SQUARE + i]), math.inf
+        here[CHI2 + i] = math.inf
+    for _ in range(_STEPS):
+        evaluate(
+            cells,
+            cell_view,
+            cell_gain,
+            gains,
+            crossed,
+            angles,
+            total,
+            state[_ETA_TO : _ETA_TO + B],
+            state[_K_TO : _K_TO + B],
+            jet,
+            of_gains,
+            there,
+        )
+        any_moving = 0.0
+        for i in range(B):
+            better = there[CHI2 + i] < here[CHI2 + i] + _ROUNDING * total[i]
+            take = moving[i] > 0 and (better or here[CHI2 + i] == math.inf)
+            for line in range(FOUND):
+                here[line * B + i] = there[line * B + i] if take else here[line * B + i]
+            state[_ETA + i] = state[_ETA_TO + i] if take else state[_ETA + i]
+            state[_SQUARE + i] = state[_SQUARE_TO + i] if take else state[_SQUARE + i]
+            damp = state[_DAMP + i]
+            damp = max(0.1 * damp, 1e-15) if take else 10.0 * damp
+            state[_DAMP + i] = damp
+            arrived = moving[i] > 0 and state[_PROMISE + i] <= _REST * total[i]
+            rested[i] = 1.0 if arrived else rested[i]
+            stay = arrived or damp > _MOST_DAMPING or not (here[CHI2 + i] < math.inf)
+            moving[i] = 0.0 if stay else moving[i]
+            any_moving += moving[i]
+        if any_moving == 0:
+            break
+        for i in range(B):
+            eta, square = state[_ETA + i], state[_SQUARE + i]
+            g1, g2 = here[SLOPE_1 + i], here[SLOPE_2 + i]
+            h11, h12, h22 = here[CURVE_11 + i], here[CURVE_12 + i], here[CURVE_22 + i]
+            # At a bound that the slope presses against, only the other moves.
+            held_1 = (eta <= low and g1 < 0) or (eta >= high and g1 > 0)
+            held_2 = not free_k or (square <= FLOOR and g2 < 0) or (square >= most and g2 > 0)
+            h12 = 0.0 if held_1 or held_2 else h12
+            g1, h11 = (0.0 if held_1 else g1), (1.0 if held_1 or h11 == 0 else h11)
+            g2, h22 = (0.0 if held_2 else g2), (1.0 if held_2 or h22 == 0 else h22)
+            damped = 1 + state[_DAMP + i]
+            det = h11 * h22 * damped * damped - h12 * h12
+            step_1 = (h22 * damped * g1 - h12 * g2) / det
+            step_2 = (h11 * damped * g2 - h12 * g1) / det
+            eta_to = min(max(eta + step_1, max(0.5 * eta, low)), min(2 * eta, high))
+            square_to = min(max(square + step_2, FLOOR), min(4 * square + 1, most)) if free_k else square
+            state[_ETA_TO + i], state[_SQUARE_TO + i] = eta_to, square_to
+            state[_K_TO + i] = math.sqrt(square_to)
+            # What a linear model promises of the step as taken.
+            state[_PROMISE + i] = abs((eta_to - eta) * g1) + abs((square_to - square) * g2)
+    return rested
