@@ -219,7 +219,8 @@ def _summary(
             every = slice(-rows.start % step, None, step)
             for name in job.fields:
                 band = tiles.band(name, index, rows)
-                sample[name].append(band[every, ::step])
+                # A copy, as a view would keep the band.
+                sample[name].append(band[every, ::step].copy())
                 if name == "status":
                     counts += np.bincount(band.ravel(), minlength=256)
         found = {status: int(counts[status]) for status in Status if counts[status]}

@@ -107,6 +107,11 @@ class _ApartCompiler(Compiler):
         return cast(list[Any], super().define_pipelines())  # type: ignore[no-untyped-call]
 
 
+def apart(function: Function) -> Function:
+    """As ``kernel``, for parts of kernels whose arrays must not overlap: more of them than LLVM would tell apart."""
+    return _compile(function, pipeline_class=_ApartCompiler)
+
+
 class _PartCompiler(_ApartCompiler):
     """Makes no machine code: that takes time, and rewrites the loops that callers are to inline and vectorise."""
 

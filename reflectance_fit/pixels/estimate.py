@@ -94,8 +94,9 @@ def estimate(
     1.500 +- 0.041 AMBIGUOUS
     """
     n = rows.values.shape[1]
-    reason = np.zeros(n, dtype=np.uint8) if reason is None else reason
-    if reason.shape != (n,) or reason.dtype != np.uint8 or np.any((reason > 0) & (reason < Status.OUTSIDE)):
+    if reason is None:
+        reason = np.zeros(n, dtype=np.uint8)
+    elif reason.shape != (n,) or reason.dtype != np.uint8 or np.any((reason > 0) & (reason < Status.OUTSIDE)):
         raise ValueError(f"reason must be uint8 of shape ({n},): 0, or codes of Status from 10 on")
     if not expected_eta > 0:
         raise ValueError("expected_eta must be above 0")

@@ -7,6 +7,7 @@ import statistics
 import time
 from collections.abc import Callable, Iterator
 
+import map_streamed
 import numba
 import numpy as np
 from card import Figure, Table
@@ -25,8 +26,9 @@ ANALYZERS = np.radians([0.0, 45.0, 90.0, 135.0])
 GLASS, GOLD = (1.5, 0.0), (0.42, 2.4)
 GLASS_ANGLE, GOLD_ANGLES = (40.0,), (50.0, 70.0)
 SNR = 200.0
-COPY, CURVE_FIT, LEAST_SQUARES, GROWTH, MEMORY = 0.5, 1e5, 5e3, 0.25, "1.0 GB"
+COPY, CURVE_FIT, LEAST_SQUARES, GROWTH = 0.5, 1e5, 5e3, 0.25
 MEGA = 1 << 20
+MOST = 64  # megapixels
 REPEATS = 7
 PEERS = 40  # pixels that scipy fits, one at a time
 
@@ -39,7 +41,7 @@ def about(*, full: bool) -> str:
         "arrays in and writes the same arrays out, in a loop of the same compiler and threads. scipy: "
         "`curve_fit` (defaults, from 1.4) for eta and gain, `least_squares` (defaults, from 0.5 + 2 i, gain 1) for eta, k and "
         f"gain, textbook Fresnel in numpy, one call a pixel, {PEERS} pixels; wall clock, medians of {REPEATS} runs that take "
-        f"turns. Growth: 1 to {_most(full)} megapixels."
+        f"turns. Growth: 1 to {MOST} megapixels. {map_streamed.about()}"
     )
 
 
@@ -49,15 +51,10 @@ def figures(*, full: bool) -> Iterator[Figure | Table]:
     try:
         yield from _against_copy()
         yield from _against_scipy()
-        yield from _growth(full)
+        yield from _growth()
     finally:
         numba.set_num_threads(threads)
-    yield Figure.not_run("streamed from files: megapixels a second", "none", "needs the command map")
-    yield Figure.not_run("peak memory, 64 megapixels streamed", f"{MEMORY} at most", "needs the command map")
-
-
-def _most(full: bool) -> int:
-    return 64 if full else 16
+    yield from map_streamed.figures()
 
 
 def scene(index: tuple[float, float], angles: tuple[float, ...], pixels: int) -> PixelRows:
@@ -95,21 +92,15 @@ def _copy(values, variance, theta, reason, eta, sigma, chi2, dof, status):  # ty
     """The least work that reads what the closed form reads and writes what it writes."""
     m, n = values.shape
     for block in prange((n + 1023) // 1024):
-        first = block * 1024
-        last = min(first + 1024, n)
-        for i in range(first, last):
-            eta[i] = theta[i]
-        for i in range(first, last):
-            status[i] = reason[i]
-        for i in range(first, last):
-            dof[i] = np.uint16(1)
-        sigma[first:last] = values[0, first:last]
-        chi2[first:last] = variance[0, first:last]
+        part = slice(block * 1024, min(block * 1024 + 1024, n))
+        eta[part], status[part], dof[part] = theta[part], reason[part], np.uint16(1)
+        sigma[part], chi2[part] = values[0, part], variance[0, part]
+        to_sigma, to_chi2 = sigma[part], chi2[part]
         for j in range(1, m):
-            for i in range(first, last):
-                sigma[i] += values[j, i]
-            for i in range(first, last):
-                chi2[i] += variance[j, i]
+            value, noise = values[j, part], variance[j, part]
+            for i in range(len(value)):
+                to_sigma[i] += value[i]
+                to_chi2[i] += noise[i]
 
 
 def copier(rows: PixelRows) -> Callable[[], None]:
@@ -217,8 +208,8 @@ def _against_scipy() -> Iterator[Figure]:
     yield Figure.reported("pixels of gold where scipy comes to our eta and k", f"{same} of {PEERS}")
 
 
-def _growth(full: bool) -> Iterator[Figure | Table]:
-    sizes = [1 << e for e in range(int(math.log2(_most(full))) + 1)]
+def _growth() -> Iterator[Figure | Table]:
+    sizes = [1 << e for e in range(int(math.log2(MOST)) + 1)]
     costs = {}
     for size in sizes:
         rows = scene(GLASS, GLASS_ANGLE, size * MEGA)
