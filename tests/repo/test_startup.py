@@ -141,7 +141,7 @@ def inputs(tmp_path_factory):
 @pytest.mark.parametrize("example", RUN, ids=" ".join)
 def test_every_example_runs(example, inputs, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    if example[0] in ("fit", "ingest", "render"):
+    if example[0] in ("fit", "ingest", "map", "render"):
         shutil.copytree(inputs, tmp_path, dirs_exist_ok=True)
     if example[0] == "batch":
         for name in ("a", "b"):
