@@ -24,6 +24,7 @@ from reflectance_fit.map_rows import Together
 from reflectance_fit.mapping import MapJob, Tile, Tiles, compute_tile, tiles_of
 from reflectance_fit.measured import Note
 from reflectance_fit.pixels.status import Status
+from reflectance_fit.priors import ETA_PRIOR, K_PRIOR, Prior
 from reflectance_fit.report.map_file import MapHeader, write_map, write_map_exr
 from reflectance_fit.result import Fit
 from reflectance_fit.scale.executors import Executor, Task
@@ -34,6 +35,7 @@ Compute = Callable[[MapJob, Tile], None]
 
 TILE = 512
 """Cells on a side of a tile: a worker holds some 20 bytes of each for every frame that it reads."""
+_PRIORS = {"eta": Prior("log_uniform", *ETA_PRIOR), "k": Prior("uniform", *K_PRIOR)}
 SAMPLE = 500
 """Of the rows and of the columns, at most: what pictures and medians are made of."""
 
@@ -138,6 +140,10 @@ def _together(ingested: Ingested, model: str) -> tuple[dict[str, Together], list
         )
         for channel in unsure
     ]
+    own = [n for n, prior in ingested.capture.priors.items() if prior.kind != "fixed" and prior != _PRIORS[n]]
+    if own:
+        message = f"the priors of {' and '.join(own)} count for all pixels together; each by itself has the usual ones"
+        notes.append(Note("PRIORS_NOT_USED", message))
     return {channel: Together.of(one) for channel, one in fits.items()}, notes
 
 

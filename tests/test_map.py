@@ -153,6 +153,26 @@ def test_a_pixel_is_the_single_fit_of_it(which, request, tmp_path):
         assert numbers["chi2"][0, row, column] == pytest.approx(one.chi2, rel=1e-3)
 
 
+def test_a_map_that_may_choose_says_what_it_chose(glass, tmp_path):
+    """One angle of unpolarized light is one equation: eta if k is 0.  Priors are those of the whole, not of pixels."""
+    folder = tmp_path / "c"
+    shutil.copytree(glass[0].parent, folder)
+    data = yaml.safe_load(glass[0].read_text()) | {
+        "nuisances": {},
+        "priors": {"eta": {"uniform": [1.3, 1.8]}},
+    }
+    data["frames"] = [f for f in data["frames"] if f.get("theta_deg", 60) == 60]
+    (folder / "capture.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
+    result = mapped(folder / "capture.yaml", tmp_path / "map.nc")
+    assert [note.code for note in result.notes if note.code != "NO_HASHES"] == [
+        "K_TAKEN_AS_ZERO",
+        "PRIORS_NOT_USED",
+    ]
+    assert result.channels[0].together.model == "dielectric"
+    free = mapped(folder / "capture.yaml", tmp_path / "free.nc", model="conductor")
+    assert Status.IDENTIFIED not in free.channels[0].counts
+
+
 def test_the_bytes_do_not_depend_on_tiles_or_workers(glass, tmp_path):
     capture, _ = glass
     files = []
