@@ -102,6 +102,10 @@ def descend(
     m, n = values.shape
     views = len(theta)
     unknowns = 2 if free_k else 1
+    points = len(etas) * len(ks)
+    point_eta, point_k = np.empty(points), np.empty(points)
+    for p in range(points):
+        point_eta[p], point_k[p] = etas[p // len(ks)], ks[p % len(ks)]
     for block in prange((n + B - 1) // B):
         first = block * B
         count = min(B, n - first)
@@ -145,11 +149,10 @@ def descend(
         any_active = False
         for i in range(count):
             any_active = any_active or active[i]
-        points = len(etas) * len(ks)
         grid = np.full(points * B, math.inf)
         of_points, of_views = np.empty(views * Q * points), np.empty(views * Q * B)
         if alike:
-            _of_points(angles, etas, ks, of_points)
+            _of_points(angles, point_eta, point_k, of_points)
         for p in range(points if any_active else 0):
             for v in range(views):
                 q, angle = of_views[v * Q * B : (v + 1) * Q * B], angles[v * VIEW * B : (v + 1) * VIEW * B]
@@ -157,7 +160,7 @@ def descend(
                     for line_of_q in range(Q if crossed else 2):
                         q[line_of_q * B : (line_of_q + 1) * B] = of_points[(v * Q + line_of_q) * points + p]
                 else:
-                    eta, k = etas[p // len(ks)], ks[p % len(ks)]
+                    eta, k = point_eta[p], point_k[p]
                     for i in range(B):
                         q[i], q[B + i], q[2 * B + i], q[3 * B + i] = interface(angle[i], angle[B + i], eta, k)
             chi2 = grid[p * B : (p + 1) * B]
@@ -171,8 +174,8 @@ def descend(
             for i in range(B):
                 starting[i] = active[i] and lowest[i] < math.inf
                 p = int(lowest[B + i]) if starting[i] else 0
-                state[_ETA + i] = etas[p // len(ks)]
-                state[_SQUARE + i] = max(ks[p % len(ks)] ** 2, FLOOR) if free_k else 0.0
+                state[_ETA + i] = point_eta[p]
+                state[_SQUARE + i] = max(point_k[p] ** 2, FLOOR) if free_k else 0.0
             rested = _descend(
                 cells,
                 cell_view,
@@ -262,17 +265,16 @@ def _lanes(row: Float32Array, first: int, count: int, line: FloatArray) -> None:
 
 
 @inlined
-def _of_points(angles: FloatArray, etas: FloatArray, ks: FloatArray, of_points: FloatArray) -> None:
+def _of_points(angles: FloatArray, eta: FloatArray, k: FloatArray, of_points: FloatArray) -> None:
     """q of every view and point of the grid at the angles of lane 0: lines of a view, points along a line."""
-    columns = len(ks)
-    points = len(etas) * columns
+    points = len(eta)
     for v in range(len(of_points) // (Q * points)):
         c, s = angles[v * VIEW * B], angles[v * VIEW * B + B]
         lines = of_points[v * Q * points : (v + 1) * Q * points]
+        r_s, r_p = lines[:points], lines[points:][:points]
+        cross_re, cross_im = lines[2 * points :][:points], lines[3 * points :][:points]
         for p in range(points):
-            r_s, r_p, cross_re, cross_im = interface(c, s, etas[p // columns], ks[p % columns])
-            lines[p], lines[points + p] = r_s, r_p
-            lines[2 * points + p], lines[3 * points + p] = cross_re, cross_im
+            r_s[p], r_p[p], cross_re[p], cross_im[p] = interface(c, s, eta[p], k[p])
 
 
 @inlined
