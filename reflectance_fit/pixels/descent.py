@@ -103,7 +103,8 @@ def descend(
     views = len(theta)
     unknowns = 2 if free_k else 1
     points = len(etas) * len(ks)
-    point_eta, point_k = np.empty(points), np.empty(points)
+    groups = (points + B - 1) // B
+    point_eta, point_k = np.ones(groups * B), np.zeros(groups * B)
     for p in range(points):
         point_eta[p], point_k[p] = etas[p // len(ks)], ks[p % len(ks)]
     for block in prange((n + B - 1) // B):
@@ -150,15 +151,17 @@ def descend(
         for i in range(count):
             any_active = any_active or active[i]
         grid = np.full(points * B, math.inf)
-        of_points, of_views = np.empty(views * Q * points), np.empty(views * Q * B)
+        of_points, of_views = np.empty(views * groups * Q * B), np.empty(views * Q * B)
         if alike:
             _of_points(angles, point_eta, point_k, of_points)
         for p in range(points if any_active else 0):
             for v in range(views):
                 q, angle = of_views[v * Q * B : (v + 1) * Q * B], angles[v * VIEW * B : (v + 1) * VIEW * B]
                 if alike:
-                    for line_of_q in range(Q if crossed else 2):
-                        q[line_of_q * B : (line_of_q + 1) * B] = of_points[(v * Q + line_of_q) * points + p]
+                    one = of_points[(v * groups + p // B) * Q * B + p % B :]
+                    q0, q1, q2, q3 = one[0], one[B], one[2 * B], one[3 * B]
+                    for i in range(B):
+                        q[i], q[B + i], q[2 * B + i], q[3 * B + i] = q0, q1, q2, q3
                 else:
                     eta, k = point_eta[p], point_k[p]
                     for i in range(B):
@@ -266,15 +269,14 @@ def _lanes(row: Float32Array, first: int, count: int, line: FloatArray) -> None:
 
 @inlined
 def _of_points(angles: FloatArray, eta: FloatArray, k: FloatArray, of_points: FloatArray) -> None:
-    """q of every view and point of the grid at the angles of lane 0: lines of a view, points along a line."""
-    points = len(eta)
-    for v in range(len(of_points) // (Q * points)):
+    """q of every view and point of the grid at the angles of lane 0: for each view and B points the lines of q."""
+    groups = len(eta) // B
+    for group in range(len(of_points) // (Q * B)):
+        v, first = group // groups, (group % groups) * B
         c, s = angles[v * VIEW * B], angles[v * VIEW * B + B]
-        lines = of_points[v * Q * points : (v + 1) * Q * points]
-        r_s, r_p = lines[:points], lines[points:][:points]
-        cross_re, cross_im = lines[2 * points :][:points], lines[3 * points :][:points]
-        for p in range(points):
-            r_s[p], r_p[p], cross_re[p], cross_im[p] = interface(c, s, eta[p], k[p])
+        q, etas, ks = of_points[group * Q * B :][: Q * B], eta[first:][:B], k[first:][:B]
+        for i in range(B):
+            q[i], q[B + i], q[2 * B + i], q[3 * B + i] = interface(c, s, etas[i], ks[i])
 
 
 @inlined

@@ -98,7 +98,10 @@ def objective(
 
     ``crossed``: readings feel C, as in light with S2 or S3.
     """
-    of_gains[:] = 0.0
+    for g in range(gains + 1):
+        gain = of_gains[g * GAIN * B : (g + 1) * GAIN * B]
+        for i in range(2 * B):
+            gain[i] = 0.0
     for a in range(len(cell_view)):
         cell, gain = cells[a * CELL * B :], of_gains[cell_gain[a] * GAIN * B :]
         q = of_views[cell_view[a] * Q * B :]
@@ -117,7 +120,7 @@ def objective(
                 gain[B + i] += q0 * b0 + q1 * b1
     for i in range(B):
         chi2[i] = total[i]
-    for g in range(gains + 1):
+    for g in range(cell_gain.max() + 1):
         gain = of_gains[g * GAIN * B : (g + 1) * GAIN * B]
         for i in range(B):
             normal, right = gain[i], gain[B + i]
@@ -207,7 +210,8 @@ def evaluate(
     found: FloatArray,
 ) -> None:
     """As `objective`, each lane at its own eta and k, with slopes and Gauss-Newton's curvature by eta and k^2."""
-    of_gains[:] = 0.0
+    for i in range(len(of_gains)):
+        of_gains[i] = 0.0
     for a in range(len(cell_view)):
         cell, gain = cells[a * CELL * B :], of_gains[cell_gain[a] * GAIN * B :]
         if a == 0 or cell_view[a] != cell_view[a - 1]:
@@ -231,11 +235,12 @@ def evaluate(
             _gather(cell, jet, gain)
         else:
             _gather_powers(cell, jet, gain)
-    found[:] = 0.0
+    for i in range(FOUND * B):
+        found[i] = 0.0
     for i in range(B):
         found[CHI2 + i] = total[i]
-    for g in range(gains + 1):
-        gain = of_gains[g * GAIN * B :]
+    for g in range(cell_gain.max() + 1):
+        gain = of_gains[g * GAIN * B : (g + 1) * GAIN * B]
         # Gains at their best follow eta and k: their directions are taken out of the curvature.
         share = 1.0 if g < gains else 0.0
         for i in range(B):
