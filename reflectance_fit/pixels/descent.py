@@ -53,20 +53,15 @@ _UPPER_LIMIT, _TOO_FEW, _NO_LIGHT = int(Status.UPPER_LIMIT), int(Status.TOO_FEW)
 
 _STEPS = 60
 _DAMPING, _MOST_DAMPING = 1e-3, 1e12
-# Of a step that was refused the next has at least this, as most are refused for a model that bends.
-_REFUSED = 0.1
-# As shares of sum w y^2: a step that promises no more of chi2 is the last, as what it leaves is less by the square
-# of what Gauss-Newton leaves of a distance; the rounding of chi2.
-_REST, _ROUNDING = 1e-13, 1e-14
-# A step that ends as near to a minimum already known, in standard deviations squared, leads there.
-_JOINED = 1.0
+# As shares of sum w y^2: a step that promises no more of chi2 has arrived; the rounding of chi2.
+_REST, _ROUNDING = 1e-15, 1e-14
 # Light must lower chi2 by as much.
 _LIGHT = 9.0
 _LIMIT_ROUNDS = 8  # of a fixed point whose logarithm's error halves each time
 
 # Lines of a descent's state.
-_ETA, _SQUARE, _ETA_TO, _SQUARE_TO, _K_TO, _DAMP = (i * B for i in range(6))
-_STATE = 6
+_ETA, _SQUARE, _ETA_TO, _SQUARE_TO, _K_TO, _DAMP, _PROMISE = (i * B for i in range(7))
+_STATE = 7
 
 
 @threaded
@@ -194,15 +189,13 @@ def descend(
                 of_gains,
                 here,
                 state,
-                minima,
-                z,
             )
-            one = minima[z * MINIMUM * B : (z + 1) * MINIMUM * B]
+            at = z * MINIMUM * B
             for i in range(B):
-                one[i], one[B + i] = state[_ETA + i], state[_SQUARE + i]
-                one[2 * B + i] = max(here[CHI2 + i], 0.0)
-                one[3 * B + i], one[4 * B + i] = here[CURVE_11 + i], here[CURVE_12 + i]
-                one[5 * B + i], one[6 * B + i] = here[CURVE_22 + i], rested[i]
+                minima[at + i], minima[at + B + i] = state[_ETA + i], state[_SQUARE + i]
+                minima[at + 2 * B + i] = max(here[CHI2 + i], 0.0)
+                minima[at + 3 * B + i], minima[at + 4 * B + i] = here[CURVE_11 + i], here[CURVE_12 + i]
+                minima[at + 5 * B + i], minima[at + 6 * B + i] = here[CURVE_22 + i], rested[i]
         which = np.zeros(B, dtype=np.int64)
         for i in range(count):
             which[i] = chosen(minima, i, free_k, expected) if active[i] else 0
@@ -360,13 +353,10 @@ def _descend(
     of_gains: FloatArray,
     here: FloatArray,
     state: FloatArray,
-    minima: FloatArray,
-    known: int,
 ) -> FloatArray:
     """Take the active lanes from eta and k^2 of ``state`` to a minimum; 1 where one was reached.
 
-    ``here`` is what `evaluate` finds there.  The first ``known`` of ``minima`` are there; who leads to one of these
-    has it.
+    ``here`` is what `evaluate` finds there.
     """
     rested, moving, there = np.zeros(B), np.zeros(B), np.empty(FOUND * B)
     low, high, most = bounds[0], bounds[1], bounds[2] ** 2
@@ -374,7 +364,7 @@ def _descend(
         moving[i] = 1.0 if active[i] else 0.0
         state[_DAMP + i] = _DAMPING
         state[_ETA_TO + i], state[_SQUARE_TO + i] = state[_ETA + i], state[_SQUARE + i]
-        state[_K_TO + i] = math.sqrt(state[_SQUARE + i])
+        state[_K_TO + i], state[_PROMISE + i] = math.sqrt(state[_SQUARE + i]), math.inf
         here[CHI2 + i] = math.inf
     for _ in range(_STEPS):
         evaluate(
@@ -391,6 +381,7 @@ def _descend(
             of_gains,
             there,
         )
+        any_moving = 0.0
         for i in range(B):
             better = there[CHI2 + i] < here[CHI2 + i] + _ROUNDING * total[i]
             take = moving[i] > 0 and (better or here[CHI2 + i] == math.inf)
@@ -399,11 +390,15 @@ def _descend(
             state[_ETA + i] = state[_ETA_TO + i] if take else state[_ETA + i]
             state[_SQUARE + i] = state[_SQUARE_TO + i] if take else state[_SQUARE + i]
             damp = state[_DAMP + i]
-            damp = max(0.1 * damp, 1e-15) if take else max(10.0 * damp, _REFUSED)
+            damp = max(0.1 * damp, 1e-15) if take else 10.0 * damp
             state[_DAMP + i] = damp
-            lost = damp > _MOST_DAMPING or not (here[CHI2 + i] < math.inf)
-            moving[i] = 0.0 if lost else moving[i]
-        any_moving = 0.0
+            arrived = moving[i] > 0 and state[_PROMISE + i] <= _REST * total[i]
+            rested[i] = 1.0 if arrived else rested[i]
+            stay = arrived or damp > _MOST_DAMPING or not (here[CHI2 + i] < math.inf)
+            moving[i] = 0.0 if stay else moving[i]
+            any_moving += moving[i]
+        if any_moving == 0:
+            break
         for i in range(B):
             eta, square = state[_ETA + i], state[_SQUARE + i]
             g1, g2 = here[SLOPE_1 + i], here[SLOPE_2 + i]
@@ -419,34 +414,9 @@ def _descend(
             step_1 = (h22 * damped * g1 - h12 * g2) / det
             step_2 = (h11 * damped * g2 - h12 * g1) / det
             eta_to = min(max(eta + step_1, max(0.5 * eta, low)), min(2 * eta, high))
-            least = max(0.25 * (square - 1), FLOOR)
-            square_to = min(max(square + step_2, least), min(4 * square + 1, most)) if free_k else square
-            # What a linear model promises of the step as taken.
-            promise = abs((eta_to - eta) * g1) + abs((square_to - square) * g2)
-            arrived = moving[i] > 0 and promise <= _REST * total[i]
-            rested[i] = 1.0 if arrived else rested[i]
-            state[_ETA + i] = eta_to if arrived else eta
-            state[_SQUARE + i] = square_to if arrived else square
-            moving[i] = 0.0 if arrived else moving[i]
+            square_to = min(max(square + step_2, FLOOR), min(4 * square + 1, most)) if free_k else square
             state[_ETA_TO + i], state[_SQUARE_TO + i] = eta_to, square_to
             state[_K_TO + i] = math.sqrt(square_to)
-            any_moving += moving[i]
-        for y in range(known):
-            one = minima[y * MINIMUM * B : (y + 1) * MINIMUM * B]
-            for i in range(B):
-                by_eta, by_square = state[_ETA_TO + i] - one[i], state[_SQUARE_TO + i] - one[B + i]
-                far = by_eta * by_eta * one[3 * B + i] + 2 * by_eta * by_square * one[4 * B + i]
-                far += by_square * by_square * one[5 * B + i]
-                joined = moving[i] > 0 and one[6 * B + i] > 0 and far < _JOINED
-                state[_ETA + i] = one[i] if joined else state[_ETA + i]
-                state[_SQUARE + i] = one[B + i] if joined else state[_SQUARE + i]
-                here[CHI2 + i] = one[2 * B + i] if joined else here[CHI2 + i]
-                here[CURVE_11 + i] = one[3 * B + i] if joined else here[CURVE_11 + i]
-                here[CURVE_12 + i] = one[4 * B + i] if joined else here[CURVE_12 + i]
-                here[CURVE_22 + i] = one[5 * B + i] if joined else here[CURVE_22 + i]
-                rested[i] = 1.0 if joined else rested[i]
-                any_moving -= 1.0 if joined else 0.0
-                moving[i] = 0.0 if joined else moving[i]
-        if any_moving == 0:
-            break
+            # What a linear model promises of the step as taken.
+            state[_PROMISE + i] = abs((eta_to - eta) * g1) + abs((square_to - square) * g2)
     return rested
