@@ -15,6 +15,7 @@ from numba import prange
 from numpy.typing import NDArray
 
 from reflectance_fit.physics.jit import inlined, threaded
+from reflectance_fit.physics.kernels import interface
 from reflectance_fit.pixels.closed_form import sin_cos
 from reflectance_fit.pixels.rows import Float32Array, FloatArray
 from reflectance_fit.pixels.status import Status
@@ -32,6 +33,7 @@ from reflectance_fit.pixels.sums import (
     VIEW,
     B,
     IntArray,
+    Q,
     accumulate,
     evaluate,
     objective,
@@ -95,33 +97,42 @@ def descend(
     m, n = values.shape
     views = len(theta)
     unknowns = 2 if free_k else 1
+    points = len(etas) * len(ks)
+    groups = (points + B - 1) // B
+    point_eta, point_k = np.ones(groups * B), np.zeros(groups * B)
+    for p in range(points):
+        point_eta[p], point_k[p] = etas[p // len(ks)], ks[p % len(ks)]
     for block in prange((n + B - 1) // B):
         first = block * B
         count = min(B, n - first)
         cells = np.zeros(len(cell_view) * CELL * B)
         angles, total, number = np.empty(views * VIEW * B), np.zeros(B), np.zeros(B)
         lit = np.zeros((gains + 1) * B)
+        line, value = np.empty(B), np.empty(B)
+        cos, sin = np.empty(B), np.empty(B)
+        alike = True
         for v in range(views):
+            angle = angles[v * VIEW * B :]
+            _lanes(theta[v], first, count, line)
             for i in range(B):
-                at = first + min(i, count - 1) if theta.shape[1] > 1 else 0
-                s, c = sin_cos(np.float64(theta[v, at]))
-                angles[v * VIEW * B + i], angles[v * VIEW * B + B + i] = c, s
+                s, c = sin_cos(line[i])
+                angle[i], angle[B + i] = c, s
+            for i in range(B):
+                alike = alike and line[i] == line[0]
         for j in range(m):
             a = frame_cell[j]
             v = cell_view[a]
-            end = first + count
-            each = cos_2s.shape[1] > 1
-            accumulate(
-                cells[a * CELL * B :],
-                total,
-                number,
-                lit[cell_gain[a] * B :],
-                values[j, first:end],
-                variance[j, first:end],
-                responses[j],
-                cos_2s[v, first:end] if each else cos_2s[v],
-                sin_2s[v, first:end] if each else sin_2s[v],
-            )
+            _lanes(variance[j], first, count, line)
+            _lanes(values[j], first, count, value)
+            _lanes(cos_2s[v], first, count, cos)
+            _lanes(sin_2s[v], first, count, sin)
+            for i in range(B):
+                there = value[i] == value[i] and line[i] > 0
+                line[i], value[i] = (1 / line[i] if there else 0.0), (value[i] if there else 0.0)
+            response = responses[j]
+            a_lit = lit[cell_gain[a] * B : (cell_gain[a] + 1) * B]
+            a_cell = cells[a * CELL * B : (a + 1) * CELL * B]
+            accumulate(a_cell, total, number, a_lit, line, value, response, crossed, cos, sin)
         active, free = np.zeros(B, dtype=np.bool_), np.zeros(B)
         for i in range(count):
             taken = 0.0
@@ -134,23 +145,35 @@ def descend(
         any_active = False
         for i in range(count):
             any_active = any_active or active[i]
-        grid = np.full(len(etas) * len(ks) * B, math.inf)
-        for p in range(len(etas) * len(ks) if any_active else 0):
-            eta, k = etas[p // len(ks)], ks[p % len(ks)]
-            line = grid[p * B : (p + 1) * B]
-            objective(cells, cell_view, cell_gain, gains, crossed, angles, total, eta, k, jet, of_gains, line)
-        best = np.full(3 * STARTS * B, math.inf)
-        _lowest(grid, etas, ks, best)
+        grid = np.full(points * B, math.inf)
+        of_points, of_views = np.empty(views * groups * Q * B), np.empty(views * Q * B)
+        if alike:
+            _of_points(angles, point_eta, point_k, of_points)
+        for p in range(points if any_active else 0):
+            for v in range(views):
+                q, angle = of_views[v * Q * B : (v + 1) * Q * B], angles[v * VIEW * B : (v + 1) * VIEW * B]
+                if alike:
+                    one = of_points[(v * groups + p // B) * Q * B + p % B :]
+                    q0, q1, q2, q3 = one[0], one[B], one[2 * B], one[3 * B]
+                    for i in range(B):
+                        q[i], q[B + i], q[2 * B + i], q[3 * B + i] = q0, q1, q2, q3
+                else:
+                    eta, k = point_eta[p], point_k[p]
+                    for i in range(B):
+                        q[i], q[B + i], q[2 * B + i], q[3 * B + i] = interface(angle[i], angle[B + i], eta, k)
+            chi2 = grid[p * B : (p + 1) * B]
+            objective(cells, cell_view, cell_gain, gains, crossed, total, of_views, of_gains, chi2)
+        best = np.full(2 * STARTS * B, math.inf)
+        _lowest(grid, len(etas), len(ks), best)
         minima = np.empty(STARTS * MINIMUM * B)
         starting = np.zeros(B, dtype=np.bool_)
         for z in range(STARTS):
-            lines = z * 3 * B
+            lowest = best[z * 2 * B : (z + 1) * 2 * B]
             for i in range(B):
-                starting[i] = active[i] and best[lines + i] < math.inf
-                state[_ETA + i] = best[lines + B + i] if starting[i] else 1.0
-                state[_SQUARE + i] = (
-                    max(best[lines + 2 * B + i] ** 2, FLOOR) if free_k and starting[i] else 0.0
-                )
+                starting[i] = active[i] and lowest[i] < math.inf
+                p = int(lowest[B + i]) if starting[i] else 0
+                state[_ETA + i] = point_eta[p]
+                state[_SQUARE + i] = max(point_k[p] ** 2, FLOOR) if free_k else 0.0
             rested = _descend(
                 cells,
                 cell_view,
@@ -224,35 +247,59 @@ def descend(
 
 
 @inlined
-def _lowest(grid: FloatArray, etas: FloatArray, ks: FloatArray, best: FloatArray) -> None:
-    """Each lane's lowest local minima of chi2 over the grid, lowest first: lines of chi2, eta and k for each start."""
-    rows, columns = len(etas), len(ks)
-    least = np.empty(B)
-    for a in range(rows):
-        for b in range(columns):
-            at = (a * columns + b) * B
-            least[:] = math.inf
-            for c in range(max(a - 1, 0), min(a + 2, rows)):
-                for d in range(max(b - 1, 0), min(b + 2, columns)):
-                    near = (c * columns + d) * B
-                    for i in range(B):
-                        value = grid[near + i]
-                        least[i] = min(least[i], value) if near != at else least[i]
+def _lanes(row: Float32Array, first: int, count: int, line: FloatArray) -> None:
+    """A block's part of a row, which may have one number for all pixels; lanes beyond ``count`` repeat the last."""
+    if len(row) == 1:
+        line[:] = np.float64(row[0])
+    elif count == B:
+        part = row[first : first + B]
+        for i in range(B):
+            line[i] = np.float64(part[i])
+    else:
+        for i in range(B):
+            line[i] = np.float64(row[first + min(i, count - 1)])
+
+
+@inlined
+def _of_points(angles: FloatArray, eta: FloatArray, k: FloatArray, of_points: FloatArray) -> None:
+    """q of every view and point of the grid at the angles of lane 0: for each view and B points the lines of q."""
+    groups = len(eta) // B
+    for group in range(len(of_points) // (Q * B)):
+        v, first = group // groups, (group % groups) * B
+        c, s = angles[v * VIEW * B], angles[v * VIEW * B + B]
+        q, etas, ks = of_points[group * Q * B :][: Q * B], eta[first:][:B], k[first:][:B]
+        for i in range(B):
+            q[i], q[B + i], q[2 * B + i], q[3 * B + i] = interface(c, s, etas[i], ks[i])
+
+
+@inlined
+def _lowest(grid: FloatArray, rows: int, columns: int, best: FloatArray) -> None:
+    """Each lane's lowest local minima of chi2 over the grid, lowest first: lines of chi2 and the point's number."""
+    # Of a point and its neighbours along k.
+    along = np.empty(len(grid))
+    for p in range(rows * columns):
+        b = p % columns
+        before = grid[(p - 1 if b > 0 else p) * B :][:B]
+        here, after = grid[p * B :][:B], grid[(p + 1 if b + 1 < columns else p) * B :][:B]
+        least = along[p * B :][:B]
+        for i in range(B):
+            least[i] = min(min(before[i], after[i]), here[i])
+    value, number = np.empty(B), np.empty(B)
+    for p in range(rows * columns):
+        a, last = p // columns, rows - 1
+        before = along[(p - columns if a > 0 else p) * B :][:B]
+        here, after = along[p * B :][:B], along[(p + columns if a < last else p) * B :][:B]
+        own = grid[p * B :][:B]
+        for i in range(B):
+            least_of_all = min(min(before[i], after[i]), here[i])
+            value[i], number[i] = (own[i] if own[i] <= least_of_all else math.inf), np.float64(p)
+        for z in range(STARTS):
+            chi2, point = best[2 * z * B :][:B], best[(2 * z + 1) * B :][:B]
             for i in range(B):
-                value = grid[at + i] if grid[at + i] <= least[i] else math.inf
-                eta, k = etas[a], ks[b]
-                for z in range(STARTS):
-                    line = z * 3 * B + i
-                    lower = value < best[line]
-                    value, best[line] = (best[line] if lower else value), (value if lower else best[line])
-                    eta, best[line + B] = (
-                        (best[line + B] if lower else eta),
-                        (eta if lower else best[line + B]),
-                    )
-                    k, best[line + 2 * B] = (
-                        (best[line + 2 * B] if lower else k),
-                        (k if lower else best[line + 2 * B]),
-                    )
+                one, two, lower = chi2[i], value[i], value[i] < chi2[i]
+                chi2[i], value[i] = (two if lower else one), (one if lower else two)
+                one, two = point[i], number[i]
+                point[i], number[i] = (two if lower else one), (one if lower else two)
 
 
 @inlined

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from reflectance_fit.inference.derivatives import interface_gradients
 from reflectance_fit.physics.jit import inlined
-from reflectance_fit.physics.kernels import interface
-from reflectance_fit.pixels.rows import Float32Array, FloatArray
+from reflectance_fit.pixels.rows import FloatArray
 
 IntArray = NDArray[np.int64]
 
@@ -33,6 +32,8 @@ CELL = 14
 GAIN = 9
 # Lines of a view: cosine and sine of the angle.
 VIEW = 2
+# Lines of q.
+Q = 4
 # Lines of q, f and h.
 JET = 12
 # Lines of what `evaluate` finds: chi2; half its slope downwards by eta and by k^2; half its curvature.
@@ -46,41 +47,39 @@ def accumulate(
     total: FloatArray,
     readings: FloatArray,
     lit: FloatArray,
-    value: Float32Array,
-    variance: Float32Array,
+    weight: FloatArray,
+    value: FloatArray,
     response: FloatArray,
-    cos_2s: Float32Array,
-    sin_2s: Float32Array,
+    crossed: bool,
+    cos_2s: FloatArray,
+    sin_2s: FloatArray,
 ) -> None:
-    """One frame's readings, at most B, into the sums of its cell; ``total`` is c, ``readings`` their number,
-    ``lit`` that of its gain."""
-    for i in range(len(value)):
-        there = not math.isnan(value[i]) and variance[i] > np.float32(0)
-        w = 1 / np.float64(variance[i]) if there else 0.0
-        y = np.float64(value[i]) if there else 0.0
-        at = i if len(cos_2s) > 1 else 0
-        cos, sin = np.float64(cos_2s[at]), np.float64(sin_2s[at])
-        p0 = response[0, 0] + response[0, 1] * cos + response[0, 2] * sin
-        p1 = response[1, 0] + response[1, 1] * cos + response[1, 2] * sin
-        p2 = response[2, 0] + response[2, 1] * cos + response[2, 2] * sin
-        p3 = response[3, 0] + response[3, 1] * cos + response[3, 2] * sin
-        cell[i] += w * p0 * p0
-        cell[B + i] += w * p0 * p1
-        cell[2 * B + i] += w * p0 * p2
-        cell[3 * B + i] += w * p0 * p3
-        cell[4 * B + i] += w * p1 * p1
-        cell[5 * B + i] += w * p1 * p2
-        cell[6 * B + i] += w * p1 * p3
-        cell[7 * B + i] += w * p2 * p2
-        cell[8 * B + i] += w * p2 * p3
-        cell[9 * B + i] += w * p3 * p3
-        cell[10 * B + i] += w * p0 * y
-        cell[11 * B + i] += w * p1 * y
-        cell[12 * B + i] += w * p2 * y
-        cell[13 * B + i] += w * p3 * y
-        total[i] += w * y * y
-        readings[i] += 1.0 if there else 0.0
-        lit[i] += 1.0 if there else 0.0
+    """One frame's readings into the sums of its cell; ``total`` is c, ``readings`` their number, ``lit`` that of its
+    gain.  A reading that is not there has weight and value 0."""
+    p, weighted = np.empty(4 * B), np.empty(B)
+    for a in range(4 if crossed else 2):
+        line, r = p[a * B : (a + 1) * B], response[a]
+        for i in range(B):
+            line[i] = r[0] + r[1] * cos_2s[i] + r[2] * sin_2s[i]
+    for a in range(4 if crossed else 2):
+        one = p[a * B : (a + 1) * B]
+        for i in range(B):
+            weighted[i] = weight[i] * one[i]
+        for b in range(a, 4 if crossed else 2):
+            # By rows of the upper triangle.
+            at = (a * (7 - a) // 2 + b) * B
+            line, two = cell[at : at + B], p[b * B : (b + 1) * B]
+            for i in range(B):
+                line[i] += weighted[i] * two[i]
+        line = cell[(10 + a) * B : (11 + a) * B]
+        for i in range(B):
+            line[i] += weighted[i] * value[i]
+    for i in range(B):
+        total[i] += weight[i] * value[i] * value[i]
+    for i in range(B):
+        readings[i] += 1.0 if weight[i] > 0 else 0.0
+    for i in range(B):
+        lit[i] += 1.0 if weight[i] > 0 else 0.0
 
 
 @inlined
@@ -90,42 +89,39 @@ def objective(
     cell_gain: IntArray,
     gains: int,
     crossed: bool,
-    angles: FloatArray,
     total: FloatArray,
-    eta: float,
-    k: float,
-    jet: FloatArray,
+    of_views: FloatArray,
     of_gains: FloatArray,
     chi2: FloatArray,
 ) -> None:
-    """chi2 of every lane at one eta and k, the gains at their best; infinite where one of them is not above 0.
+    """chi2 of every lane at the q ``of_views``, the gains at their best; infinite where one of them is not above 0.
 
     ``crossed``: readings feel C, as in light with S2 or S3.
     """
-    of_gains[:] = 0.0
+    for g in range(gains + 1):
+        gain = of_gains[g * GAIN * B : (g + 1) * GAIN * B]
+        for i in range(2 * B):
+            gain[i] = 0.0
     for a in range(len(cell_view)):
         cell, gain = cells[a * CELL * B :], of_gains[cell_gain[a] * GAIN * B :]
-        if a == 0 or cell_view[a] != cell_view[a - 1]:
-            angle = angles[cell_view[a] * VIEW * B :]
-            for i in range(B):
-                jet[i], jet[B + i], jet[2 * B + i], jet[3 * B + i] = interface(angle[i], angle[B + i], eta, k)
+        q = of_views[cell_view[a] * Q * B :]
         if crossed:
             for i in range(B):
-                q0, q1, q2, q3 = jet[i], jet[B + i], jet[2 * B + i], jet[3 * B + i]
+                q0, q1, q2, q3 = q[i], q[B + i], q[2 * B + i], q[3 * B + i]
                 a0, a1, a2, a3 = _times(cell, i, q0, q1, q2, q3)
                 gain[i] += q0 * a0 + q1 * a1 + q2 * a2 + q3 * a3
                 b0, b1, b2, b3 = cell[10 * B + i], cell[11 * B + i], cell[12 * B + i], cell[13 * B + i]
                 gain[B + i] += q0 * b0 + q1 * b1 + q2 * b2 + q3 * b3
         else:
             for i in range(B):
-                q0, q1, b0, b1 = jet[i], jet[B + i], cell[10 * B + i], cell[11 * B + i]
+                q0, q1, b0, b1 = q[i], q[B + i], cell[10 * B + i], cell[11 * B + i]
                 a0, a1 = _times_powers(cell, i, q0, q1)
                 gain[i] += q0 * a0 + q1 * a1
                 gain[B + i] += q0 * b0 + q1 * b1
     for i in range(B):
         chi2[i] = total[i]
-    for g in range(gains + 1):
-        gain = of_gains[g * GAIN * B :]
+    for g in range(cell_gain.max() + 1):
+        gain = of_gains[g * GAIN * B : (g + 1) * GAIN * B]
         for i in range(B):
             normal, right = gain[i], gain[B + i]
             best = right / normal if g < gains else 1.0
@@ -214,7 +210,8 @@ def evaluate(
     found: FloatArray,
 ) -> None:
     """As `objective`, each lane at its own eta and k, with slopes and Gauss-Newton's curvature by eta and k^2."""
-    of_gains[:] = 0.0
+    for i in range(len(of_gains)):
+        of_gains[i] = 0.0
     for a in range(len(cell_view)):
         cell, gain = cells[a * CELL * B :], of_gains[cell_gain[a] * GAIN * B :]
         if a == 0 or cell_view[a] != cell_view[a - 1]:
@@ -238,11 +235,12 @@ def evaluate(
             _gather(cell, jet, gain)
         else:
             _gather_powers(cell, jet, gain)
-    found[:] = 0.0
+    for i in range(FOUND * B):
+        found[i] = 0.0
     for i in range(B):
         found[CHI2 + i] = total[i]
-    for g in range(gains + 1):
-        gain = of_gains[g * GAIN * B :]
+    for g in range(cell_gain.max() + 1):
+        gain = of_gains[g * GAIN * B : (g + 1) * GAIN * B]
         # Gains at their best follow eta and k: their directions are taken out of the curvature.
         share = 1.0 if g < gains else 0.0
         for i in range(B):
