@@ -11,37 +11,24 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reflectance_fit.capture.bins import AngleBins, BoolArray, Cells, FloatArray, Region, Shift
+from reflectance_fit.capture.bins import BoolArray, Cells, FloatArray, Shift
 from reflectance_fit.capture.brackets import merged
-from reflectance_fit.capture.bundle import carried
 from reflectance_fit.capture.calibrate import Calibrated, channel_of
 from reflectance_fit.capture.decoding import served_by
 from reflectance_fit.capture.frames import Capture, Exposure, Frame, OnBoard, flats_for
 from reflectance_fit.capture.geometry import bins_of
 from reflectance_fit.capture.pixel_means import Places, middle_of, pixel_means
+from reflectance_fit.capture.pixel_views import View, angles, to_view, view_of
 from reflectance_fit.capture.raw import Plane, RawFrame
 from reflectance_fit.capture.reduce import FrameMeans
 from reflectance_fit.capture.signals import compared
-from reflectance_fit.capture.spread import over_cone
 from reflectance_fit.capture.unpack import SavedMask, Unpacked
 from reflectance_fit.errors import Problem, ReflectanceFitError
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class View:
-    """Angle of incidence and direction of s (from the picture's horizontal), radians: numbers, or one a pixel.
-
-    NaN where the sample is not seen at an angle that counts.
-    """
-
-    theta: FloatArray
-    s_direction: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,7 +81,7 @@ class PixelSource:
     def extent(self) -> Cells:
         """Every whole cell of the sample; ReflectanceFitError where no pixel is in all regions."""
         first = self.files[self.frames[0].path]
-        frames = [f for f in self.frames if self._view(f) == self._view(self.frames[0])]
+        frames = [f for f in self.frames if view_of(self.capture, f) == view_of(self.capture, self.frames[0])]
         if not isinstance(self.capture.geometry, OnBoard):
             frames = list(self.frames)
         height, width = first.about.shape
@@ -116,15 +103,15 @@ class PixelSource:
         cells = replace(cells, shares_gain=self._shares_gain(used))
         firsts: dict[object, Frame] = {}
         for frame in used:
-            firsts.setdefault(self._view(frame), frame)
+            firsts.setdefault(view_of(self.capture, frame), frame)
         numbers = {view: number for number, view in enumerate(firsts)}
         x, y = self._positions(used[0], channel, cells)
-        seen = [self._angles(frame, x, y) for frame in firsts.values()]
+        seen = [angles(self.capture, self.frames[0], frame, x, y) for frame in firsts.values()]
         masked = np.stack([self._masked(frame, cells) for frame in firsts.values()])
         signals = merged(_Tile(self, channel, cells).calibrated(frame) for frame in used)
         rows, values, variances, clipped = [], [], [], []
         for sample in signals:
-            view = numbers[self._view(sample.frame)]
+            view = numbers[view_of(self.capture, sample.frame)]
             for plane, own in sample.of(channel):
                 lost = own.saturated | own.rejected | masked[view]
                 rows.append(self._row(sample, plane, channel, view, seen[view]))
@@ -142,13 +129,6 @@ class PixelSource:
             masked=np.any(masked, axis=0),
         )
 
-    def _view(self, frame: Frame) -> object:
-        """Frames of one angle of incidence at each pixel."""
-        geometry = self.capture.geometry
-        if isinstance(geometry, OnBoard):
-            return geometry.poses[frame.path].view
-        return str((frame.theta_deg, frame.s_axis_deg))  # NaN of a ball is not equal to itself
-
     def _shares_gain(self, frames: list[Frame]) -> bool:
         """Whether all frames of one gain see a point by the same pixels, over the same flats."""
         if any(frame.path in self.shifts for frame in frames):
@@ -160,18 +140,10 @@ class PixelSource:
 
     def places(self, frame: Frame) -> Places | None:
         """From the map's positions to those in ``frame``, None where they are the same."""
-        to_view, shift = self._to_view(frame), self.shifts.get(frame.path)
-        if to_view is None or shift is None:
-            return to_view or (shift.forward if shift else None)
-        return lambda x, y: shift.forward(*to_view(x, y))
-
-    def _to_view(self, frame: Frame) -> Places | None:
-        """From the first view to that of ``frame``."""
-        geometry = self.capture.geometry
-        if not isinstance(geometry, OnBoard) or self._view(frame) == self._view(self.frames[0]):
-            return None
-        first, other = (np.array(geometry.poses[f.path].board) for f in (self.frames[0], frame))
-        return partial(carried, geometry.camera, first, other, geometry.height_mm)
+        moved, shift = to_view(self.capture, self.frames[0], frame), self.shifts.get(frame.path)
+        if moved is None or shift is None:
+            return moved or (shift.forward if shift else None)
+        return lambda x, y: shift.forward(*moved(x, y))
 
     def _positions(self, frame: Frame, channel: str, cells: Cells) -> tuple[FloatArray, FloatArray]:
         raw = self.files[frame.path].frame
@@ -179,39 +151,18 @@ class PixelSource:
         x, y = cells.places(*middle_of(raw, plane.channel))
         return x.ravel(), y.ravel()
 
-    def _angles(self, frame: Frame, x: FloatArray, y: FloatArray) -> tuple[View, float]:
-        """The view at the map's positions, and what a cone of light leaves of the modulation."""
-        bins = bins_of(self.capture, frame)
-        if isinstance(bins, Region):
-            theta, s_direction = np.radians(frame.theta_deg), np.radians(frame.s_axis_deg)
-            return self._through_cone(View(np.asarray(theta), np.asarray(s_direction)))
-        return self._through_cone(_local(bins, self._to_view(frame), x, y))
-
-    def _through_cone(self, view: View) -> tuple[View, float]:
-        """The mean angle over the cone that a pixel collects; how far its angles spread is left out."""
-        half_angle = math.radians(self.capture.half_angle_deg)
-        known = view.theta[np.isfinite(view.theta)]
-        if half_angle == 0.0 or not known.size:
-            return view, 1.0
-        # The same numbers whatever part of the picture is asked for.
-        grid = np.radians(np.arange(0.0, 89.1, 1.0))
-        cones = [over_cone(float(theta), half_angle) for theta in grid]
-        shift = np.array([cone.theta for cone in cones]) - grid
-        modulation = over_cone(float(known.flat[0]), half_angle).modulation if view.theta.ndim == 0 else 1.0
-        return View(view.theta + np.interp(view.theta, grid, shift), view.s_direction), modulation
-
     def _masked(self, frame: Frame, cells: Cells) -> BoolArray:
         """Whether a pixel of the cell is left out in the view of ``frame``, shape (cells,)."""
         if self.mask is None:
             return np.zeros(cells.count, dtype=bool)
-        to_view, mask = self._to_view(frame), self.mask.open()
+        moved, mask = to_view(self.capture, self.frames[0], frame), self.mask.open()
         found = np.zeros((cells.rows, cells.columns), dtype=bool)
         height, width = mask.shape
         for dy in range(cells.pitch):
             for dx in range(cells.pitch):
                 x, y = cells.places(dx, dy)
-                if to_view is not None:
-                    x, y = to_view(x, y)
+                if moved is not None:
+                    x, y = moved(x, y)
                 row = np.clip(np.rint(y), 0, height - 1).astype(np.int64)
                 column = np.clip(np.rint(x), 0, width - 1).astype(np.int64)
                 found |= (mask.bits[row, column >> 3] >> (7 - (column & 7))) & 1 == 1
@@ -235,15 +186,6 @@ class PixelSource:
             retardance=math.radians(capture.retardance_deg[channel]) if has_retarder else math.nan,
             light=frame.light,
         )
-
-
-def _local(bins: AngleBins, to_view: Places | None, x: FloatArray, y: FloatArray) -> View:
-    if to_view is not None:
-        x, y = to_view(x, y)
-    inside, theta, s_direction = bins.angles(x, y)
-    view = View(np.full(x.shape, math.nan), np.full(x.shape, math.nan))
-    view.theta[inside], view.s_direction[inside] = theta, s_direction
-    return view
 
 
 class _Tile:
