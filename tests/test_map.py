@@ -2,9 +2,9 @@
 
 import json
 import math
-import os
 import shutil
-import signal
+import sys
+from pathlib import Path
 
 import h5netcdf
 import numpy as np
@@ -12,7 +12,6 @@ import OpenEXR
 import pytest
 import yaml
 
-from reflectance_fit import mapping
 from reflectance_fit.data_synthetic.capture import write_capture
 from reflectance_fit.data_synthetic.rig import LIGHTS, MONO_CHANNELS, Faults, Setting
 from reflectance_fit.data_synthetic.sensor import Sensor
@@ -22,6 +21,9 @@ from reflectance_fit.pixels.status import Status
 from reflectance_fit.scale.executors import executor
 from reflectance_fit.workflow import fit
 from reflectance_fit.workflow_map import map_to_files
+
+sys.path.append(str(Path(__file__).parent))
+from map_tiles import dies, dies_at_the_second_tile
 
 MONO = Sensor(width=160, height=120, pattern="MONO")
 
@@ -38,12 +40,6 @@ def mapped(capture, out, *, jobs=1, **options):
 def read(path):
     with h5netcdf.File(path, "r") as file:
         return {name: variable[...] for name, variable in file.variables.items()}, dict(file.attrs)
-
-
-def dies_at_the_second_tile(job, tile):
-    if tile.column > 0 and tile.row == 0:
-        os.kill(os.getpid(), signal.SIGKILL)
-    mapping.compute_tile(job, tile)
 
 
 @pytest.fixture(scope="module")
@@ -231,7 +227,3 @@ def test_the_work_folder_is_gone_after_a_kill_of_all_tiles(glass, tmp_path):
     with pytest.raises(ReflectanceFitError, match="worker"):
         mapped(capture, tmp_path / "map.nc", jobs=2, tile=4096, compute=dies)
     assert list(tmp_path.iterdir()) == []
-
-
-def dies(_job, _tile):
-    os.kill(os.getpid(), signal.SIGKILL)
