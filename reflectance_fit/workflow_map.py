@@ -60,7 +60,6 @@ class MapResult:
     """A finished map: what was seen of each channel, what went wrong, and the files."""
 
     sample_name: str
-    shape: tuple[int, int]
     extent: Cells
     step: int
     channels: tuple[ChannelSummary, ...]
@@ -235,7 +234,6 @@ def _summary(
     files = (out, out.with_suffix(".png"), *([] if exr is None else [exr]))
     return MapResult(
         job.source.capture.sample_name,
-        (extent.rows, extent.columns),
         extent,
         step,
         tuple(channels),
